@@ -131,7 +131,10 @@ def test_json_and_netcdf_say_which_version_wrote_them(tmp_path: Path):
         ("below/more", {"warnings": "first\nsecond"}),
     ):
         with xr.open_dataset(tmp_path / "a.nc", group=group, engine="h5netcdf") as written:
-            assert written.attrs == about | {"made_by": f"eclsim {eclsim.__version__}"}
+            assert written.attrs == about | {
+                "made_by": f"eclsim {eclsim.__version__}",
+                "intended_use": "for research only, not for treatment",
+            }
             if group:
                 assert written["x"].values.tolist() == ["one", ""]
                 assert written["x"].attrs == {"units": "1"}

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 MADE_BY = "made_by"
 """Key in every JSON object, and attribute of every NetCDF file, that states the version that wrote it."""
 VERSION_NAME = f"eclsim {__version__}"
+NOTICE = "for research only, not for treatment"
+"""Intended use, stated in figures and NetCDF files, which are passed on without their page."""
 ORIGIN = {MADE_BY: VERSION_NAME}
 """Attributes of every labelled result, so that a file that a user writes from it states its version."""
 
@@ -135,7 +137,7 @@ def write_json(data: object, destination: Path | str) -> None:
 
 
 def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
-    """Write datasets to one file, with the version that wrote them; the group "" is the root of the file.
+    """Write datasets to one file, with version and intended use; the group "" is the root of the file.
 
     Attributes that are lists of sentences are stored as one text, a line each: NetCDF cannot hold an empty
     list.
@@ -145,7 +147,7 @@ def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
     with whole_file(path, sum(data.nbytes for data in datasets.values())) as partial:
         for count, (group, data) in enumerate(datasets.items()):
             texts = {name: "\n".join(value) for name, value in data.attrs.items() if isinstance(value, list)}
-            stored = data.assign_attrs(texts | ORIGIN)
+            stored = data.assign_attrs(texts | ORIGIN | {"intended_use": NOTICE})
             stored = stored.map(lambda one: one.astype(str) if one.dtype == object else one, keep_attrs=True)
             mode = "a" if count else "w"
             # `to_netcdf` loads Dask, where it is installed, to find a lock that no single process needs

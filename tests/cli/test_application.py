@@ -74,8 +74,8 @@ def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.splitlines() == [
-        f"{bad}:5: patient.age_years = -3: must be above 0; allowed: 18 to 100 years",
-        f"{bad}:6: patient.heart_rate_bpm = 1.2: outside the allowed range; allowed: 20 to 250 bpm; "
+        f"error: {bad}:5: patient.age_years = -3: must be above 0; allowed: 18 to 100 years",
+        f"error: {bad}:6: patient.heart_rate_bpm = 1.2: outside the allowed range; allowed: 20 to 250 bpm; "
         "did you mean 1.2 Hz = 72 bpm?",
     ]
 

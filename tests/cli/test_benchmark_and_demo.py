@@ -68,6 +68,8 @@ def test_demo_writes_case_results_and_figures_and_shows_the_papers_numbers(shell
     ]  # fmt: skip
     assert " no " not in done.stdout.split("quantity")[1].split("means over")[0]
     (case,) = json.loads((target / "results.json").read_text())["cases"]
+    assert case["warnings"]
+    assert all(sentence in done.stderr for sentence in case["warnings"])
     assert case["converged"] is True
     assert case["outputs"]["PF"] == pytest.approx(3.70, abs=0.01)
     assert (target / "results.nc").stat().st_size > 10_000

@@ -91,7 +91,7 @@ def test_nothing_is_computed_if_anything_is_wrong(shell, instant):
     assert done.exit_code == 2
     assert instant == []
     assert done.stdout == ""
-    assert f"{bad}: no such file" in done.stderr
+    assert f"error: {bad}: no such file" in done.stderr.splitlines()
     assert f"{shell.folder}: a folder" in done.stderr
 
 

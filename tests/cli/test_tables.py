@@ -22,6 +22,25 @@ def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
 
 
 @pytest.mark.parametrize(
+    ("stored", "words"),
+    [
+        (0, "64 rows, 320 runs in 25 s"),
+        (300, "64 rows, 320 runs, 300 of them stored earlier, the others in 25 s"),
+        (320, "64 rows, 320 runs, all of them stored earlier"),
+    ],
+)
+def test_the_time_of_a_sensitivity_analysis_is_that_of_the_runs_computed_now(stored: int, words: str):
+    """After a restart, "102400 runs in 25 s" gave the time of the last part only."""
+    from eclsim.sensitivity.results import indices_text
+
+    total = np.full((1, 2), 0.5)
+    estimates = Estimates(total, 0.01 * total, total, 0.01 * total)
+    known = {"seconds": 25.0, "stored": stored}
+    indices = Indices(("Rmc", "Csvn"), ("SP",), estimates, 64, 320, (), 64, **known)
+    assert indices_text(indices).splitlines()[0] == f"Total order indices ({words})"
+
+
+@pytest.mark.parametrize(
     ("value", "text"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
 )
 def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: float, text: str):

@@ -183,6 +183,39 @@ def test_the_figure_has_the_units_of_events_and_says_where_remarks_are(hour):
     assert "how to read this course" not in none
 
 
+def test_outputs_to_be_read_with_care_have_a_dagger(hour):
+    """The warnings said not to read the wedge pressure as a patient's; its curve looked like any other."""
+    from eclsim.course.figures import plot_course
+    from eclsim.course.result import mark_read_with_care
+
+    shown = hour.copy(deep=True)
+    caution = Finding.without_limit("caution", "PCWP", 5.0, "do not read it", "PCWP", "EDVLV", "unknown")
+    mark_read_with_care(shown, [[], [caution]])
+    fig = plot_course(shown)
+    labels = {text.get_text() for ax in fig.axes for text in ax.get_legend().get_texts()}
+    assert {"wedge †", "left, end-diastolic †", "right, end-diastolic"} <= labels
+    assert "† to be read with care; the warnings of the results say why" in fig.get_supxlabel()
+
+
+def test_the_outputs_that_a_caution_concerns_are_known_from_the_course(tmp_path):
+    """Blood of V-A ECMO returns to the arteries."""
+    pump = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "mode": "VA", "speed_rpm": 3425}
+    of_ecmo = case(tmp_path, settings=[f"ecmo.{key}={value}" for key, value in pump.items()])
+    result = course(of_ecmo, minutes=10.0, every_min=10.0)
+    marked = {str(name) for name, values in result.data_vars.items() if values.attrs.get("read_with_care")}
+    assert {"PCWP", "EDVLV"} <= marked
+    assert "MAP" not in marked
+
+
+def test_doubts_about_the_fit_stand_above_the_figure(hour):
+    from eclsim.course.figures import plot_course
+
+    doubt = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+    fig = plot_course(hour.assign_attrs(warnings=[doubt, *hour.attrs["warnings"]]))
+    assert fig.get_suptitle().splitlines()[1:] == [doubt]
+    assert "DOUBTFUL" not in fig.get_supxlabel()
+
+
 @pytest.mark.slow
 def test_no_legend_of_a_course_or_a_band_runs_beyond_the_page(hour):
     """In a band, "right, end-diastolic" ended in the middle of the word, at the edge of the page."""

@@ -2,6 +2,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,7 +13,7 @@ import eclsim
 from crrt_failures import forget, with_failures
 from eclsim.cases.reading import read_mapping
 from eclsim.crrt_study.files import MEANS, file_names, study_object, tables, write_netcdf, write_study
-from eclsim.crrt_study.report import show, study_page
+from eclsim.crrt_study.report import drawings, show, study_page
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +145,35 @@ def words_of(page: str) -> str:
     parsed = Page()
     parsed.feed(page)
     return " ".join(" ".join(parsed.words).split())
+
+
+DOUBT = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+
+
+@pytest.fixture(scope="module")
+def doubtful_study(hostile_study):
+    return replace(hostile_study, warnings=(DOUBT, *hostile_study.warnings))
+
+
+@pytest.mark.slow
+def test_the_doubt_about_a_fit_stands_before_the_first_choice(hostile_study, doubtful_study):
+    text = words_of(study_page(doubtful_study, DRAWN))
+    assert text.index(DOUBT) < text.index("First choice for this patient")
+    assert "in doubt" not in words_of(study_page(hostile_study, DRAWN))
+
+
+@pytest.mark.slow
+def test_every_table_of_a_doubtful_fit_says_so(hostile_study, doubtful_study):
+    for name, table in tables(doubtful_study).items():
+        assert set(table["doubts"]) == {DOUBT}, name
+    assert not any("doubts" in table for table in tables(hostile_study).values())
+
+
+@pytest.mark.slow
+def test_every_figure_names_the_patient_and_the_doubt(doubtful_study):
+    for name, svg in drawings(doubtful_study).items():
+        assert DOUBT in svg, name
+        assert escape("<script>alert('x')</script>", quote=False) in svg, name
 
 
 @pytest.mark.slow

@@ -54,3 +54,29 @@ def test_wrong_number_of_labels_is_refused(healthy):
 
 def test_result_without_numbers_is_drawn(healthy):
     plot_pressure_volume(healthy * np.nan).draw_without_rendering()
+
+
+CARE = "† to be read with care; the warnings of the results say why"
+
+
+@pytest.fixture
+def doubted(ecmo):
+    """The terminal marks the volumes of the left ventricle with a star."""
+    case = ecmo.assign(EDVLV=140.4, ESVLV=38.6)
+    for name in ("EDVLV", "ESVLV"):
+        case[name].attrs |= {"finding": "caution", "read_with_care": 1}
+    return case
+
+
+def test_volumes_to_be_read_with_care_have_a_dagger(doubted):
+    figure = plot_pressure_volume(doubted)
+    assert figure.axes[1].texts[0].get_text() == "● EDV † 140 mL   ○ ESV † 39 mL"
+    assert "†" not in figure.axes[0].texts[0].get_text()
+    assert figure.get_supxlabel() == CARE
+
+
+def test_daggers_are_explained_beside_the_names_of_several_cases(doubted, healthy):
+    figure = plot_pressure_volume([healthy, doubted])
+    assert figure.axes[1].texts[0].get_text() == "● EDV †   ○ ESV †"
+    assert figure.axes[0].texts[0].get_text() == "● EDV   ○ ESV"
+    assert figure.legends[0].get_title().get_text() == CARE

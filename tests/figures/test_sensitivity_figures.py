@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +57,7 @@ def test_sums_have_half_widths_and_lost_rows_are_named_above_every_figure(indice
     low, high = lines.get_segments()[0][:, 1]
     assert high - low == pytest.approx(2.0 * 1.96 * 0.1, rel=1e-3)
     drawn = []
-    monkeypatch.setattr(figures, "_save", lambda figures, folder, doubts: drawn.append(doubts))
+    monkeypatch.setattr(figures, "_save", lambda figures, folder, doubts, title: drawn.append(doubts))
     lost = replace(indices, samples=128, rows_used=74)
     write_sensitivity_figures(SensitivityResult(None, lost, None), tmp_path)
     assert drawn == [
@@ -65,6 +66,21 @@ def test_sums_have_half_widths_and_lost_rows_are_named_above_every_figure(indice
             "rows are lost"
         ]
     ]
+
+
+def test_the_patient_and_doubts_about_the_fit_stand_above_every_figure(indices, tmp_path, monkeypatch):
+    doubt = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+    drawn = []
+    monkeypatch.setattr(
+        figures, "save_figure", lambda figure, path: drawn.append(figure.get_suptitle()) or []
+    )
+    figures._save({"sums": lambda: plot_sums(indices)}, tmp_path, [doubt], "P01 – sensitivity")
+    assert drawn == [f"P01 – sensitivity\n{doubt}"]
+    titles = []
+    monkeypatch.setattr(figures, "_save", lambda *given: titles.append(given[-1]))
+    case = json.dumps({"patient": {"id": "P01"}})
+    write_sensitivity_figures(SensitivityResult(None, indices, None, case), tmp_path)
+    assert titles == ["P01 – sensitivity"]
 
 
 def test_only_pairs_beyond_their_interval_are_drawn(indices):

@@ -4,8 +4,12 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
+import eclsim
+from eclsim.patient.circulation import circulation
+from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import (
     CURVES,
     PlainLogLocator,
@@ -16,6 +20,7 @@ from eclsim.reporting.style import (
     plain_text,
     save_figure,
     turned_names,
+    write_above,
 )
 from eclsim.simulation.figures import plot_overview
 
@@ -69,6 +74,17 @@ def test_figure_is_written_in_both_formats(tmp_path, healthy):
     assert sorted(path.name for path in svg.parent.iterdir()) == ["case 3.5.png", "case 3.5.svg"]
 
 
+def test_figures_state_version_and_intended_use(tmp_path):
+    """They are passed on without the page that says so."""
+    use = "for research only, not for treatment"
+    svg, png = save_figure(new_figure(40, 20), tmp_path / "a")
+    assert use in svg.read_text()
+    assert f"eclsim {eclsim.__version__}" in svg.read_text()
+    with Image.open(png) as picture:
+        assert picture.info["Description"] == use
+        assert picture.info["Software"] == f"eclsim {eclsim.__version__}"
+
+
 @pytest.mark.slow
 def test_same_result_gives_the_same_svg(tmp_path, healthy):
     (first,) = save_figure(plot_overview(healthy), tmp_path / "first", ["svg"])
@@ -106,6 +122,61 @@ def test_settings_of_the_user_are_restored_and_have_no_effect():
 )
 def test_text_from_outside_is_drawn_as_it_is(given: str, drawn: str):
     assert plain_text(given) == drawn
+
+
+DOUBT = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+
+
+def boxes(figure: Figure) -> dict[str, tuple[float, float]]:
+    """Lowest and highest edge of every text of a figure, in dots."""
+    with figure_style():
+        figure.draw_without_rendering()
+        shown = [text for text in figure.findobj(Text) if text.get_text()]
+        return {text.get_text(): (e.y0, e.y1) for text in shown if (e := text.get_window_extent())}
+
+
+def test_a_doubt_stands_above_the_title_that_a_circuit_draws_itself(healthy):
+    """It lay in the middle of the grey subtitle."""
+    figure = draw_circuit(circulation(), healthy)
+    write_above(figure, [DOUBT])
+    places = boxes(figure)
+    low, _ = places.pop(DOUBT)
+    assert low > max(high for _, high in places.values())
+    (text,) = (text for text in figure.texts if text.get_text() == DOUBT)
+    assert (text.get_ha(), text.get_weight()) == ("left", "bold")
+
+
+def test_a_figure_with_fixed_axes_grows_by_the_words_above_it():
+    figure = new_figure(170, 60)
+    figure.set_layout_engine(None)
+    axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+    before = axes.get_window_extent()
+    write_above(figure, [DOUBT], "P01 – beat")
+    after = axes.get_window_extent()
+    assert (after.width, after.height) == pytest.approx((before.width, before.height))
+    assert figure.get_suptitle().splitlines() == ["P01 – beat", DOUBT]
+
+
+@pytest.mark.parametrize("own", ["", "P01"])
+@pytest.mark.parametrize("width_mm", [80, 170])
+def test_long_words_above_a_figure_end_within_the_page(own, width_mm):
+    figure = new_figure(width_mm, 60)
+    if own:
+        with figure_style():
+            figure.suptitle(own)
+    write_above(figure, ["DOUBTFUL: mean pressures and mean flows are summed over WIDE MARGINS " * 4])
+    with figure_style():
+        figure.draw_without_rendering()
+    (text,) = figure.texts
+    assert text.get_window_extent().x1 < figure.bbox.x1
+
+
+def test_a_doubt_stands_below_the_title_of_a_figure_once():
+    figure = new_figure()
+    figure.suptitle("P01", x=0.01, ha="left")
+    write_above(figure, [DOUBT], "first line")
+    assert figure.get_suptitle().splitlines() == ["first line", "P01", DOUBT]
+    assert len(figure.texts) == 1
 
 
 @pytest.mark.slow

@@ -178,7 +178,7 @@ def test_every_file_and_figure_states_the_ranges(tmp_path, plan, monkeypatch):
     assert result.dataset.attrs["inputs"][0] == "x1 −1 to 1"  # a minus sign
     assert "x1 −1 to 1" in indices_text(result.indices)
     drawn = []
-    monkeypatch.setattr(figures, "_save", lambda drawings, folder, above: drawn.extend(above))
+    monkeypatch.setattr(figures, "_save", lambda drawings, folder, above, title: drawn.extend(above))
     figures.write_sensitivity_figures(result, tmp_path)
     assert any(line.startswith("Inputs: x1") for line in drawn)
 

@@ -114,8 +114,10 @@ def test_stopping_in_threads_keeps_finished_blocks_and_what_is_done_is_not_done_
         run(plan, tmp_path, progress=stop_at_six)
     assert len(list((tmp_path / "blocks").iterdir())) == 6
     first = []
-    run(plan, tmp_path, resume=True, progress=lambda p: first.append(p.done))
+    resumed = run(plan, tmp_path, resume=True, progress=lambda p: first.append(p.done))
     assert first == list(range(6, 17))
+    assert resumed.indices.stored == resumed.indices.evaluations * 6 // 16
+    assert run(plan, tmp_path, resume=True).indices.stored == resumed.indices.evaluations
 
 
 @pytest.mark.parametrize("count", [1, 3, 16, 20])

@@ -183,6 +183,31 @@ def test_the_figure_has_a_gap_and_a_cross_where_there_is_no_beat(flows):
     assert "no steady beat (1 of 3 values)" in figure.get_supxlabel()
 
 
+def test_outputs_to_be_read_with_care_have_a_dagger(flows):
+    """The terminal marks them with a star; the figure showed them like any other."""
+    table = as_table(flows)
+    assert table["PCWP"].attrs["read_with_care"] == 1
+    figure = plot_sweep(table)
+    labels = {text.get_text() for ax in figure.axes for text in ax.get_legend().get_texts()}
+    assert {"wedge †", "left, end-diastolic †", "right atrial (CVP)", "right, end-diastolic"} <= labels
+    assert "† to be read with care; the warnings of the results say why" in figure.get_supxlabel()
+    for name in table.data_vars:
+        table[name].attrs.pop("read_with_care", None)
+    assert "†" not in plot_sweep(table).get_supxlabel()
+
+
+def test_the_table_has_the_warnings_of_each_value_and_doubts_about_the_fit(flows, tmp_path):
+    doubt = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+    results = [r.assign_attrs(warnings=[doubt, *r.attrs["warnings"]]) for r in flows.results]
+    write_csv(replace(flows, results=tuple(results)), tmp_path / "sweep.csv")
+    rows = pd.read_csv(tmp_path / "sweep.csv")
+    assert list(rows["warnings"]) == ["; ".join(result.attrs["warnings"]) for result in results]
+    assert set(rows["doubts"]) == {doubt}
+    assert set(rows["id"]) == {flows.case_id}
+    write_csv(flows, tmp_path / "sweep.csv")
+    assert "doubts" not in pd.read_csv(tmp_path / "sweep.csv")
+
+
 def test_an_impossible_beat_has_hollow_markers(flows):
     table = as_table(flows)
     table["impossible"].values[0] = 1

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.cli.console import BAD_INPUT, fail, note, refuse, say, warn
+from eclsim.cli.console import fail, note, refuse, say, warn
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -74,11 +74,8 @@ def read_each(
             readings.append(read_case(file, settings, policy))
         except CaseError as error:
             wrong |= dict.fromkeys(map(renamed, error.mistakes))
-    for mistake in wrong:
-        say(mistake)
     if wrong:
-        refuse(mistakes)
-        raise SystemExit(BAD_INPUT)
+        fail(*wrong, *mistakes)
     return readings
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import names_of, read_table
-from eclsim.cli.console import Progress, fail, say
+from eclsim.cli.console import Progress, fail, say, warn
 from eclsim.cli.destination import (
     Destinations,
     Target,
@@ -175,6 +175,7 @@ def demo(options: DemoOptions) -> None:
     typer.echo(
         f"\nsteady beat found after {result.attrs['beats']} beats, residual {result.attrs['residual']:.1e}"
     )
+    warn(result.attrs["warnings"])
     case = folder / f"{PAPER_PATIENT}.toml"
     with reporting_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)

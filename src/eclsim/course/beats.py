@@ -32,6 +32,7 @@ from eclsim.course.result import (
     balance_of,
     impossible_among,
     labelled_course,
+    mark_read_with_care,
     remarks_on_measurements,
 )
 from eclsim.course.timeline import MINUTE, START, Timeline, refuse_reconnection
@@ -555,6 +556,7 @@ class BeatMarch:
         minute, by_beat = time / MINUTE, np.ones(len(beats), dtype=bool)
         arrest = not_survived(minute, outputs)
         result[IMPOSSIBLE] = impossible_among(beat_findings, arrest, minute)
+        mark_read_with_care(result, beat_findings)
         broken = [*arrest, *alarms(beat_findings, outputs, minute, by_beat)]
         warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)

@@ -39,6 +39,7 @@ from eclsim.course.result import (
     balance_of,
     impossible_among,
     labelled_course,
+    mark_read_with_care,
     remarks_on_measurements,
     undetermined_in_words,
 )
@@ -294,6 +295,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         of_shown = findings_of_derived_quantities(shown, len(places))
         moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
         result[IMPOSSIBLE] = impossible_among(moment_findings, arrest, minute)
+        mark_read_with_care(result, moment_findings)
     result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))
     words = [Status(int(s)).word for s in moments.status[places]]
     result["status"] = variable(TIME, np.array(words, dtype=str))

@@ -32,9 +32,11 @@ from eclsim.simulation.figures import draw_legend_above, legend_start
 from eclsim.simulation.panels import (
     QUANTITIES,
     BrokenLimit,
+    curves_of,
     draw_bar,
     draw_broken_limits,
     legend_of_bars,
+    legend_of_care,
     make_room,
     panels_of,
 )
@@ -66,7 +68,8 @@ def plot_course(result: xr.Dataset) -> Figure:
     rows = -(-max(len(drawn) + probable, 1) // 2)
     events = [Event.model_validate(event) for event in json.loads(result.attrs["events"])]
     broken = _broken_limits(result)
-    legend = "\n".join((*_legend(events), *legend_of_bars(drawn, broken), *_notes(result)))
+    notes = (*legend_of_bars(drawn, broken), *legend_of_care(result, drawn), *_notes(result))
+    legend = "\n".join((*_legend(events), *notes))
     fig = style.new_figure(style.PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
     axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
     impossible = impossible_spans(result)
@@ -90,6 +93,7 @@ def plot_course(result: xr.Dataset) -> Figure:
         ax.tick_params(labelbottom=True)
     fig.suptitle(f"{style.plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
     fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=style.GREY)
+    style.write_above(fig, untrusted(result.attrs["warnings"]))
     return fig
 
 
@@ -105,7 +109,7 @@ def _has_values(result: xr.Dataset, name: str) -> bool:
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
     minutes = _time_axis_unit(result)[1]
     hours = result["time_min"].to_numpy() / minutes
-    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
+    drawn = curves_of(result, panel)
     for index, (name, label) in enumerate(drawn):
         _curve(ax, hours, drawn_values(result, name), label, index)
     low, high = ax.get_ylim()
@@ -225,9 +229,9 @@ def _notes(result: xr.Dataset) -> list[str]:
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
     if "quantile" not in result.dims and (drug := drug_in_words(result)):
         lines += textwrap.wrap(style.plain_text(drug, 200), 110)
-    said = [*untrusted(result.attrs["warnings"]), result.attrs["message"]]
-    said = result.attrs["warnings"] if "quantile" in result.dims else said
-    for sentence in filter(None, said):
+    warnings = result.attrs["warnings"] if "quantile" in result.dims else [result.attrs["message"]]
+    above = untrusted(warnings)
+    for sentence in (text for text in warnings if text and text not in above):
         lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
     return [*lines, *_where_remarks_are(result)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from eclsim.files import ORIGIN
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
+from eclsim.outputs.alarms import doubted_outputs
 from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
@@ -140,6 +141,13 @@ def impossible_among(
     """
     collapses = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
     return variable(TIME, (np.array(collapses, dtype=bool) | after_arrest(arrest, minute)).astype(int))
+
+
+def mark_read_with_care(result: xr.Dataset, moment_findings: Iterable[Sequence[Finding]]) -> None:
+    """Set the attribute `read_with_care` of each output that a caution concerns at any moment to 1."""
+    for name in doubted_outputs(finding for findings in moment_findings for finding in findings):
+        if name in result:
+            result[name].attrs["read_with_care"] = 1
 
 
 def impossible_moments(result: xr.Dataset) -> np.ndarray:

@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from eclsim import files
+from eclsim.cases.fit_mark import with_doubts
 from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.ranking import choice_text, first_choice
@@ -199,7 +200,8 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     """All tables by name, with units in the headers.
 
     `means` has one row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
-    each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
+    each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme. All have
+    the column `doubts` if no number of the study can be trusted.
     """
     means = study.means[[*_names(study), "patient_volume_change", *_states(study.means)]]
     summary = study.summary[
@@ -211,7 +213,9 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
         "means": _frame(means, about), "summary": by_speed, "limits": _frame(study.limits),
         "ranking": ranking_table(study),
     }  # fmt: skip
-    return result if study.uptake is None else result | {"uptake": _frame(study.uptake)}
+    if study.uptake is not None:
+        result["uptake"] = _frame(study.uptake)
+    return {name: with_doubts(table, study.warnings) for name, table in result.items()}
 
 
 def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:

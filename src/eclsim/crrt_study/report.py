@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.crrt_study.beats import missing_beats_text
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, limit_flow_text
 from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
@@ -94,6 +95,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
         schemes=study.schemes,
         speeds=study.means.sizes["speed"],
         answer=[*choice_text(study, main), *filter(None, [choice_in_other_policy(study, main)])],
+        doubts=untrusted(study.warnings),
         not_known=missing_beats_text(study),
         known=known,
         ranking=_ranking_table(study, main),
@@ -363,8 +365,9 @@ _PARTS = ("difference", "flow")
 
 
 def drawings(study: CrrtStudy) -> dict[str, str]:
-    """All figures by name, for the first policy studied."""
+    """All figures by name, for the first policy studied, with the patient and the doubts above each."""
     from eclsim.crrt_study import figures
+    from eclsim.reporting.style import plain_text, write_above
 
     policy, speed = study.policies[0], study.case_speed
     means, waves = study.means.sel(policy=policy), study.waveforms.sel(policy=policy)
@@ -380,6 +383,9 @@ def drawings(study: CrrtStudy) -> dict[str, str]:
     if study.uptake is not None:
         at_speed = study.means.sel(speed=speed), study.without_crrt.sel(speed=speed)
         drawn["uptake"] = figures.plot_crrt_uptake(study.uptake, *at_speed)
+    title = f"{plain_text(study.case.patient.id, 50)} – CRRT on ECMO"
+    for drawing in drawn.values():
+        write_above(drawing, untrusted(study.warnings), title)
     return {name: svg_text(drawing) for name, drawing in drawn.items()}
 
 

@@ -99,7 +99,7 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, rise: float) -> Figure
             axes.axhline(low + rise, color="black", lw=0.8, ls=dashed, label="limit of the 90 % interval")
             axes.plot(refitted.optimum[k], refitted.cost, "o", label="likeliest", zorder=5, **_DOT)
             axes.set_ylim(low - 0.15 * rise, low + 4.0 * rise)
-        fig.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        fig.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return fig
 
 
@@ -170,7 +170,7 @@ def plot_residuals(
         names = [name.replace("_", "\n") for name in shown]
         axes.set_xticks(range(len(shown)), names, size="small" if any("\n" in n for n in names) else None)
         axes.set_ylabel("(simulated - measured)\n/ standard uncertainty")
-        fig.legend(loc="outside upper center", ncols=3)
+        fig.legend(loc="outside lower center", ncols=3)
     return fig
 
 

@@ -87,10 +87,13 @@ def write_fitted_case(folder: Path, fit: FitResult) -> Path:
 
 
 def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None) -> list[Path]:
-    """Write slices, profiles, starts, residuals and correlation of one fit; None deletes earlier profiles."""
+    """Write slices, profiles, starts, residuals and correlation of one fit; None deletes earlier profiles.
+
+    The patient's id, and the verdict unless it is good, stand above each figure.
+    """
     from eclsim.identification import figures as plots
     from eclsim.identification.profiles import slices
-    from eclsim.reporting.style import save_figures
+    from eclsim.reporting.style import plain_text, save_figures, write_above
 
     if not len(fit.optimum.starts.agreeing):
         return []
@@ -105,11 +108,15 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
         ),
         "correlation": plots.plot_correlation(fit.box.names, fit.correlation),
     }
+    if profiled is not None:
+        figures["profiles"] = plots.plot_profiles(profiled.refitted, profiled.held, RISE_90)
+    doubts = [fit.verdict.headline] if fit.verdict.level != Level.GOOD else []
+    for figure in figures.values():
+        write_above(figure, doubts, f"{plain_text(fit.name, 50)} – fit")
     if profiled is None:
         for earlier in folder.glob("profiles.*"):
             earlier.unlink()
         return save_figures(figures, folder)
-    figures["profiles"] = plots.plot_profiles(profiled.refitted, profiled.held, RISE_90)
     written = save_figures(figures, folder)
     table, refitted = folder / "profiles.csv", profiled.refitted
     rows = [

@@ -4,7 +4,7 @@ A case is an xarray Dataset with waveforms P [mmHg], Q [mL/s] and V [mL] on `pha
 included).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,6 +107,13 @@ def figure_marks_of(result: "xr.Dataset", *names: str) -> str:
     return marks_for(*_findings(result, names), FIGURE_MARKS)
 
 
+def figure_marks_in(cases: "Sequence[xr.Dataset]", name: str) -> str:
+    """Return the marks of an output in a figure; of several cases, only whether any is in doubt."""
+    marks = [figure_marks_of(case, name) for case in cases]
+    care = FIGURE_MARKS[CAUTION]
+    return marks[0] if len(marks) == 1 else care * any(care in mark for mark in marks)
+
+
 def figure_marks_at(result: "xr.Dataset", signal: str, group: str) -> str:
     """Return the marks of the mean of a waveform in a figure; a pressure has all marks of its compartment.
 
@@ -148,6 +155,12 @@ def meaning_of_figure_marks(marks: Iterable[str]) -> str:
     """Explanation of the marks of several numbers in a figure; empty if there are none."""
     used = "".join(marks)
     return ", ".join(meaning for mark, meaning in _FIGURE_MEANINGS.items() if mark in used)
+
+
+def legend_of_figure_marks(marks: Iterable[str]) -> str:
+    """Explanation of the marks in a figure without warnings beside them; empty if there are none."""
+    meaning = meaning_of_figure_marks(marks)
+    return f"{meaning}; the warnings of the results say why" if meaning else ""
 
 
 def legend_of_marks(marks: Iterable[str]) -> str:

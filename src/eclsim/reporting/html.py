@@ -81,11 +81,11 @@ def _labelled_svg(svg: str, key: str, label: str) -> str:
 
 def svg_text(drawing: Figure) -> str:
     """Return a figure as SVG text."""
-    from eclsim.reporting.style import figure_style
+    from eclsim.reporting.style import SVG_METADATA, figure_style
 
     buffer = io.StringIO()
     with figure_style():
-        drawing.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "eclsim"})
+        drawing.savefig(buffer, format="svg", metadata=SVG_METADATA)
     return buffer.getvalue()
 
 

@@ -20,8 +20,8 @@ from eclsim.reporting.beat_values import (
     figure_marks_at,
     figure_marks_of,
     in_unit,
+    legend_of_figure_marks,
     marked,
-    meaning_of_figure_marks,
     scalar,
     summary_lines,
     summary_marks,
@@ -140,8 +140,7 @@ class Labels:
             *(self.saturation_marks(name) for name in places if self.saturation(name) is not None),
             *(self._marks_of_readings(housed) for housed in plan.housed),
         ]
-        meaning = meaning_of_figure_marks(marks)
-        return f"{meaning}; the warnings of the results say why" if meaning else ""
+        return legend_of_figure_marks(marks)
 
     def saturation(self, name: str) -> float | None:
         """Return the oxygen saturation [%] in a compartment; None if gases are not computed."""

@@ -19,7 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter, NullLocator
 
-from eclsim.files import whole_file
+from eclsim.files import NOTICE, VERSION_NAME, whole_file
 
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0
@@ -41,6 +41,8 @@ OKABE_ITO = {
     "reddish purple": "#CC79A7",
 }
 GREY = "#6B6B6B"
+_LETTERS_PER_MM, _LINE_MM = (0.54, 0.45), 4.0
+"""Letters of smaller words and of a title that fit beside each other, and the height of a line."""
 
 # Yellow is omitted: as a line on white it is too faint to print.
 CURVES: tuple[tuple[str, object], ...] = (
@@ -53,6 +55,8 @@ CURVES: tuple[tuple[str, object], ...] = (
     (OKABE_ITO["sky blue"], (0, (2.5, 1))),
 )
 
+SVG_METADATA = {"Date": None, "Creator": VERSION_NAME, "Description": NOTICE}
+PNG_METADATA = {"Software": VERSION_NAME, "Description": NOTICE}
 _STYLE = Path(__file__).with_name("eclsim.mplstyle")
 
 
@@ -158,14 +162,37 @@ def plain_text(value: object, limit: int = 70) -> str:
     return text.replace("$", r"\$")
 
 
-def _write_above(fig: Figure, sentences: Sequence[str]) -> None:
-    """Write sentences above a figure, below its title."""
-    title = fig.get_suptitle()
-    lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), 100)]
-    if lines:
-        there = next((text for text in fig.texts if title and text.get_text() == title), None)
-        above = there or fig.suptitle("", fontsize=8)
-        above.set_text("\n".join([*filter(None, [title]), *lines]))
+def write_above(fig: Figure, sentences: Sequence[str], title: str = "") -> None:
+    """Write a title and sentences above a figure, at the left; the figure grows by their height.
+
+    Args:
+        fig: figure; if it has a title, this stands between the two.
+        sentences: external text, such as doubts about all numbers.
+        title: first line, such as the patient's id.
+    """
+    own = fig.get_suptitle()
+    letters = int(_LETTERS_PER_MM[bool(own)] * MM_PER_INCH * fig.get_figwidth())
+    lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), letters)]
+    if not (title or lines):
+        return
+    _grow_upwards(fig, len(lines) + bool(title))
+    there = next((text for text in fig.texts if own and text.get_text() == own), None)
+    if there is None:
+        with figure_style():
+            there = fig.suptitle("", fontsize=8)
+    there.set(text="\n".join([*filter(None, (title, own)), *lines]), x=0.01, horizontalalignment="left")
+
+
+def _grow_upwards(fig: Figure, lines: int) -> None:
+    """Make room for lines of text at the top; axes at fixed positions keep their size."""
+    fixed = fig.get_layout_engine() is None
+    height = fig.get_figheight()
+    taller = height + (_LINE_MM * lines + (4.0 if fixed else 0.0)) / MM_PER_INCH
+    fig.set_figheight(taller)
+    if fixed:
+        for axes in fig.axes:
+            left, bottom, width, tall = axes.get_position(original=True).bounds
+            axes.set_position((left, bottom * height / taller, width, tall * height / taller))
 
 
 def save_figure(
@@ -178,7 +205,7 @@ def save_figure(
 
     Each file is complete when it appears under its name. The same figure gives the same SVG, byte for byte.
     """
-    _write_above(fig, above)
+    write_above(fig, above)
     stem = Path(path_without_suffix)
     stem.parent.mkdir(parents=True, exist_ok=True)
     with figure_style(), warnings.catch_warnings():
@@ -214,7 +241,7 @@ def _layout_fixed(fig: Figure) -> Iterator[None]:
 
 
 def _write(fig: Figure, target: Path, suffix: str) -> Path:
-    metadata = {"Date": None, "Creator": "eclsim"} if suffix == "svg" else None
+    metadata = {"svg": SVG_METADATA, "png": PNG_METADATA}.get(suffix)
     with whole_file(target) as partial:
         fig.savefig(partial, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
     return target

@@ -231,6 +231,7 @@ def run_analysis(
     started = time.perf_counter()
     store, design = plan.folder(folder), plan.design
     store.open(executor)
+    earlier = store.finished()
     executor.run_shard(plan.tasks, store, folder, progress)
     for rows in _stages(design, until):
         blocks = range(rows // design.rows_per_block)
@@ -242,7 +243,8 @@ def run_analysis(
             break
     store.finish(result.runs)
     seconds = time.perf_counter() - started
-    known = replace(result.indices, seconds=seconds, warnings=plan.warnings, until=until)
+    stored = len(earlier & set(blocks)) * design.rows_per_block * design.runs_per_row
+    known = replace(result.indices, seconds=seconds, warnings=plan.warnings, until=until, stored=stored)
     return replace(result, indices=known)
 
 

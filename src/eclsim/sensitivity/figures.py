@@ -8,6 +8,7 @@ maps have two layouts: columns by their sums, and that of the paper: columns in 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -31,9 +32,11 @@ from eclsim.reporting.style import (
     figure_style,
     new_figure,
     panel_grid,
+    plain_text,
     save_figure,
     short_name,
     turned_names,
+    write_above,
 )
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.ranges import own_ranges_text
@@ -77,7 +80,9 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
     doubts += [f"{indices.domain[0].upper()}{indices.domain[1:]}"] if indices.domain else []
     ranges = wrap(own_ranges_text(indices.inputs), LONGEST_SENTENCE, initial_indent="Inputs: ")
-    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges])
+    patient = json.loads(result.case_json)["patient"]["id"] if result.case_json else ""
+    title = f"{plain_text(patient, 50)} – sensitivity" if patient else ""
+    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges], title)
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
@@ -89,14 +94,21 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
     }
     if result.subsets:
         figures["collinearity"] = lambda: plot_collinearity(result)
-    return _save(figures, folder, untrusted(result.warnings))
+    return _save(
+        figures, folder, untrusted(result.warnings), f"{plain_text(result.name, 50)} – identifiability"
+    )
 
 
-def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str]) -> list[Path]:
-    """Save figures with the doubts, and ranges that differ, above each of them."""
-    return [
-        path for name, draw in figures.items() for path in save_figure(draw(), folder / name, above=doubts)
-    ]
+def _save(
+    figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str], title: str
+) -> list[Path]:
+    """Save figures with the patient's id, doubts, and ranges that differ, above each of them."""
+    written = []
+    for name, draw in figures.items():
+        figure = draw()
+        write_above(figure, doubts, title)
+        written += save_figure(figure, folder / name)
+    return written
 
 
 # --- Sobol indices ---------------------------------------------------------------------------------
@@ -452,7 +464,7 @@ def plot_collinearity(result: Identifiability) -> Figure:
     axes.set_xticks(sizes)
     axes.set_xlabel("parameters in the set")
     axes.set_ylabel("collinearity index")
-    fig.legend(loc="outside upper center", ncols=3)
+    fig.legend(loc="outside lower center", ncols=3)
     return fig
 
 

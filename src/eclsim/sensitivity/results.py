@@ -89,6 +89,7 @@ class Indices:
         where_failed: region that holds most of the failed runs; None if no input separates them.
         until: half width that every total order was to reach; None if the number of rows was fixed.
         inputs: the inputs with their ranges.
+        stored: number of the runs that an earlier start had stored, for which `seconds` does not count.
     """
 
     factors: tuple[str, ...]
@@ -105,6 +106,7 @@ class Indices:
     where_failed: FailedRegion | None = None
     until: float | None = None
     inputs: tuple[Input, ...] = ()
+    stored: int = 0
 
     @property
     def ranked(self) -> bool:
@@ -429,6 +431,9 @@ def indices_text(indices: Indices, state: str = "") -> str:
         rows.append((name, *cells, f"{total:.2f}{width}"))
     head = ("factor", *indices.outputs, "sum")
     took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # not known after a merge of shards
+    if indices.stored:
+        took = f", {indices.stored} of them stored earlier, the others{took}" if took else ""
+        took = took if indices.stored < indices.evaluations else ", all of them stored earlier"
     lines = [
         f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs{took})",
         text_table(head, rows, numeric=range(1, len(head))),

@@ -28,8 +28,11 @@ from eclsim.reporting.beat_values import (
     case_name,
     check_beat,
     figure_marks_at,
+    figure_marks_in,
     in_unit,
     instances_at,
+    legend_of_figure_marks,
+    marked,
     meaning_of_figure_marks,
     naming_at,
     place_label_of,
@@ -53,8 +56,10 @@ from eclsim.reporting.style import (
 from eclsim.simulation.panels import (
     QUANTITIES,
     BrokenLimit,
+    curves_of,
     draw_broken_limits,
     legend_of_bars,
+    legend_of_care,
     panels_of,
 )
 
@@ -422,9 +427,16 @@ def plot_pressure_volume(
     for row, chambers in zip(grid, rows, strict=True):
         for ax, chamber in zip(row, chambers, strict=True):
             _draw_chamber(ax, cases, names, chamber)
+    volumes = [f"{name}{chamber.upper()}" for row in rows for chamber in row for name in ("EDV", "ESV")]
+    meaning = legend_of_figure_marks(figure_marks_in(cases, name) for name in volumes)
     if len(cases) > 1:
         handles, texts = grid[0][0].get_legend_handles_labels()
-        fig.legend(handles, texts, loc="outside lower left", ncols=1 if max(map(len, texts)) > 30 else 2)
+        columns = 1 if max(map(len, texts)) > 30 else 2
+        fig.legend(
+            handles, texts, loc="outside lower left", ncols=columns, title=meaning or None, alignment="left"
+        )
+    elif meaning:
+        fig.supxlabel(meaning, fontsize=7.5, x=0.01, ha="left", color=GREY)
     fig.suptitle("Pressure-volume loops" if len(cases) > 1 else names[0], x=0.01, ha="left")
     return fig
 
@@ -438,8 +450,13 @@ def _draw_chamber(ax: Axes, cases: Sequence[xr.Dataset], names: Sequence[str], c
         for largest in (True, False):
             _mark(ax, volume, pressure, style["color"], largest=largest)
     ax.set_title(COMPARTMENTS[chamber].capitalize(), loc="left", pad=16)
-    marks = _volumes_text(cases[0], chamber) if len(cases) == 1 else "● EDV   ○ ESV"
-    ax.annotate(marks, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points")
+    ax.annotate(
+        _volumes_text(cases, chamber),
+        (0, 1),
+        xytext=(0, 4),
+        xycoords="axes fraction",
+        textcoords="offset points",
+    )
     ax.set_xlabel("Volume [mL]")
     ax.set_ylabel("Pressure [mmHg]")
     ax.margins(y=0.06)
@@ -457,13 +474,18 @@ def _mark(ax: Axes, volume: np.ndarray, pressure: np.ndarray, colour: object, *,
     )  # fmt: skip
 
 
-def _volumes_text(case: xr.Dataset, chamber: str) -> str:
-    volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
-    largest, least = scalar(case, f"EDV{chamber.upper()}"), scalar(case, f"ESV{chamber.upper()}")
+def _volumes_text(cases: Sequence[xr.Dataset], chamber: str) -> str:
+    """Legend of the dots on a loop, with the volumes if there is one case."""
+    edv, esv = (figure_marks_in(cases, f"{name}{chamber.upper()}") for name in ("EDV", "ESV"))
+    if len(cases) > 1:
+        return "   ".join((f"● EDV {edv}".rstrip(), f"○ ESV {esv}".rstrip()))
+    volume = np.asarray(cases[0][f"V{chamber}"].values, dtype=float)
+    largest, least = scalar(cases[0], f"EDV{chamber.upper()}"), scalar(cases[0], f"ESV{chamber.upper()}")
     largest = float(np.max(volume)) if largest is None else largest
     least = float(np.min(volume)) if least is None else least
     digits = 0 if largest > 20 else 1
-    return f"● EDV {number(largest, digits)} mL   ○ ESV {number(least, digits)} mL"
+    ends = marked(edv, number(largest, digits)), marked(esv, number(least, digits))
+    return f"● EDV {ends[0]} mL   ○ ESV {ends[1]} mL"
 
 
 # --- sweeps -----------------------------------------------------------------------------------------
@@ -495,7 +517,7 @@ def plot_sweep(table: xr.Dataset) -> Figure:
         ax.remove()
     title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
     fig.suptitle(title, x=0.01, ha="left")
-    if notes := "\n".join((*legend_of_bars(panels, broken), *_notes(table))):
+    if notes := "\n".join((*legend_of_bars(panels, broken), *legend_of_care(table, panels), *_notes(table))):
         fig.supxlabel(notes, fontsize=7.5, x=0.01, ha="left", color=GREY)
     return fig
 
@@ -505,7 +527,7 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
     settled = table["converged"].to_numpy().astype(bool)
     hollow = settled & table["impossible"].to_numpy().astype(bool)
     line = "None" if names else None
-    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in table]
+    drawn = curves_of(table, panel)
     for index, (name, label) in enumerate(drawn):
         values = np.where(settled, table[name].to_numpy().astype(float), np.nan)
         style: dict[str, Any] = {**curve_style(index), "marker": MARKERS[index % len(MARKERS)]}

@@ -11,10 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from eclsim.devices.description import LABELS, Panel
+from eclsim.devices.description import CAUTION, LABELS, Panel
 from eclsim.devices.registry import flows_of_own_devices, named_output
 from eclsim.outputs.limits import group_of
 from eclsim.outputs.registry import find_output, first_name
+from eclsim.reporting.beat_values import FIGURE_MARKS, legend_of_figure_marks
 from eclsim.reporting.style import OKABE_ITO
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ _BARS: dict[str, dict[str, object]] = {
     "warning": {"color": OKABE_ITO["orange"], "linewidth": 3.0, "linestyle": (0, (0.7, 0.5))},
 }
 """Look of the bars; a warning is dashed, for grey print and any colour vision."""
+_CARE = FIGURE_MARKS[CAUTION]
 _ROOM = 0.08
 """Height of the space that is added for bars or event numbers, as a share of that of the axes."""
 
@@ -96,6 +98,22 @@ def panels_of(table: xr.Dataset) -> list[Panel]:
     of_devices = (panel for instance in instances.values() for panel in instance.swept())
     panels = (*of_patient, *of_devices, *FURTHER_PANELS)
     return [panel for panel in panels if any(name in table for name in panel.names)]
+
+
+def curves_of(table: xr.Dataset, panel: Panel) -> list[tuple[str, str]]:
+    """Outputs of a panel that the table has, with their labels; a dagger marks those to be read with care."""
+    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in table]
+    return [(name, f"{label} {_CARE}" if _doubted(table, name) else label) for name, label in drawn]
+
+
+def legend_of_care(table: xr.Dataset, panels: Iterable[Panel]) -> list[str]:
+    """Line that explains the dagger; none if no output of the panels is to be read with care."""
+    doubted = any(_doubted(table, name) for panel in panels for name in panel.names)
+    return [legend_of_figure_marks(_CARE)] if doubted else []
+
+
+def _doubted(table: xr.Dataset, name: str) -> bool:
+    return any(one in table and table[one].attrs.get("read_with_care") for one in (name, first_name(name)))
 
 
 def draw_broken_limits(ax: Axes, panel: Panel, broken: Sequence[BrokenLimit]) -> None:

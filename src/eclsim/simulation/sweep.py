@@ -14,7 +14,7 @@ import xarray as xr
 
 from eclsim import files
 from eclsim.cases.case import Case
-from eclsim.cases.fit_mark import untrusted
+from eclsim.cases.fit_mark import untrusted, with_doubts
 from eclsim.circuit import Circuit
 from eclsim.devices.description import GRAVEST_FIRST
 from eclsim.devices.registry import example_setting
@@ -217,6 +217,8 @@ def as_table(sweep: Sweep) -> xr.Dataset:
     for name in dict.fromkeys(name for result in results for name in scalars_of(result)):
         about = next(r[name].attrs for r in results if name in r)
         labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
+        if any(result[name].attrs.get("read_with_care") for result in results if name in result):
+            labels["read_with_care"] = 1
         data[name] = ("value", np.array([_value_if_converged(r, name) for r in results]), labels)
     solved = [solved_speed_of(result) for result in results]
     for key in dict.fromkeys(speed.speed_key for speed in solved if speed):
@@ -294,10 +296,11 @@ def _frame(sweep: Sweep) -> pd.DataFrame:
     import pandas as pd
 
     table = as_table(sweep)
-    about = ("converged", "impossible", "status", "message", "warnings")
-    names = [str(name) for name in table.data_vars if name not in about]
+    about = ("converged", "impossible", "status", "message")
+    names = [str(name) for name in table.data_vars if name not in (*about, "warnings")]
     first = f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key
-    columns: dict[str, Any] = {first: table["value"].to_numpy()}
-    columns |= {name: table[name].to_numpy() for name in about[:4]}
+    columns: dict[str, Any] = {first: table["value"].to_numpy(), "id": sweep.case_id}
+    columns |= {name: table[name].to_numpy() for name in about}
+    columns["warnings"] = ["; ".join(result.attrs.get("warnings", ())) for result in sweep.results]
     columns |= {column_head(table, name): table[name].to_numpy() for name in names}
-    return pd.DataFrame(columns)
+    return with_doubts(pd.DataFrame(columns), sweep.results[0].attrs.get("warnings", ()))
