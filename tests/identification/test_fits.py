@@ -14,7 +14,6 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
@@ -580,30 +579,3 @@ def test_a_profile_finds_the_valley_that_no_start_of_the_search_ended_in():
     assert judged.profile["Csart"][1] > 7.0
     assert not judged.parameters["Csart"].identifiable
     assert judged.parameters["Csart"].reason
-
-
-@pytest.mark.slow
-def test_a_fitted_heart_that_softens_as_it_contracts_is_doubted():
-    """A second solution of the published law, with a fifth of the contractility of the first."""
-    raw = {
-        "format": 1,
-        "patient": {
-            "id": "P", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
-            "heart_rate_bpm": 95,
-        },
-        "parameters": {"Emaxlv": 0.08, "Emaxrv": 0.206, "Rmc": 0.645, "Rpmc": 0.138, "P0svn": 46.0},
-    }  # fmt: skip
-    case = read_mapping(raw).case
-    beat = simulate(model_of(case))
-    values = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")}
-    started = with_values(case, {"Emaxlv": 0.1})
-    measured = started.model_copy(update={"measurements": Measurements(**values)})
-    settings = FitSettings(
-        ("Rmc", "Emaxlv"), weights="uncertainty", bounds={"Emaxlv": (0.05, 5.0)},
-        multi_start=MultiStart.quick(60),
-    )  # fmt: skip
-    found = fit_case(measured, settings=settings)
-    assert found.parameters["Emaxlv"].value == pytest.approx(0.08, rel=0.01)
-    sentences = [reason.sentence for reason in found.verdict.doubts]
-    assert any(s.startswith("the left ventricle is too weak for the 233 mL in it") for s in sentences)
-    assert any("fit another patient, too: Emaxlv 0.4" in s for s in sentences)

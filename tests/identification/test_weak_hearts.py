@@ -1,0 +1,39 @@
+"""A fitted heart that no patient has."""
+
+import pytest
+
+from eclsim.cases.case import Measurements
+from eclsim.cases.quantities import with_values
+from eclsim.cases.reading import read_mapping
+from eclsim.identification.fit import fit as fit_case
+from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.settings import FitSettings
+from eclsim.orbit.model import model_of
+from eclsim.outputs.results import simulate
+
+
+@pytest.mark.slow
+def test_a_fitted_heart_that_softens_as_it_contracts_is_doubted():
+    """A second solution of the published law, with a fifth of the contractility of the first."""
+    raw = {
+        "format": 1,
+        "patient": {
+            "id": "P", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
+            "heart_rate_bpm": 95,
+        },
+        "parameters": {"Emaxlv": 0.08, "Emaxrv": 0.206, "Rmc": 0.645, "Rpmc": 0.138, "P0svn": 46.0},
+    }  # fmt: skip
+    case = read_mapping(raw).case
+    beat = simulate(model_of(case))
+    values = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")}
+    started = with_values(case, {"Emaxlv": 0.1})
+    measured = started.model_copy(update={"measurements": Measurements(**values)})
+    settings = FitSettings(
+        ("Rmc", "Emaxlv"), weights="uncertainty", bounds={"Emaxlv": (0.05, 5.0)},
+        multi_start=MultiStart.quick(60),
+    )  # fmt: skip
+    found = fit_case(measured, settings=settings)
+    assert found.parameters["Emaxlv"].value == pytest.approx(0.08, rel=0.01)
+    sentences = [reason.sentence for reason in found.verdict.doubts]
+    assert any(s.startswith("the left ventricle is too weak for the 233 mL in it") for s in sentences)
+    assert any("fit another patient, too: Emaxlv 0.4" in s for s in sentences)
