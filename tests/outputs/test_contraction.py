@@ -5,8 +5,10 @@ import pytest
 
 from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
+from eclsim.components.chambers import Ventricle
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate, simulate_many
+from eclsim.parameters.thiel2025 import PARAMETERS
 from eclsim.validation.reference_cases import reference_model
 
 SHOCK = {
@@ -64,6 +66,12 @@ def test_the_right_ventricle_is_judged_where_it_can_collapse_too():
 def test_an_all_but_empty_ventricle_is_not_called_too_weak():
     """Its filling curve begins at 2.5 mmHg, above the line of systole near a volume of 0."""
     assert not too_weak(simulate(reference_model("s4_crrt_g_5000")))
+    ventricle = Ventricle("Emaxlv", "LV_Pd_alpha", "LV_Pd_kappa", "LV_Pd_beta")
+    values = {name: PARAMETERS[name].value for name in ventricle.parameter_names()}
+    judged = {
+        volume: ventricle.softens(volume, values | {"Emaxlv": 0.1}) for volume in (-1.0, 0.01, 60.0, 190.0)
+    }
+    assert judged == {-1.0: False, 0.01: False, 60.0: False, 190.0: True}
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,8 @@ from eclsim.components.base import (
 
 LARGEST_EXPONENT = 30.0
 """Upper limit of exponents, far above any patient's (alpha e^30 = 5e11 mmHg); keeps trial steps finite."""
+NOTABLE_MMHG = 1.0
+"""Passive pressure, beyond its offset, from which a ventricle can be too weak for the blood in it [mmHg]."""
 
 
 @dataclass(frozen=True)
@@ -177,10 +179,12 @@ class Ventricle(Chamber[VentricleConstants]):
     def softens(self, volume: float, values: Values) -> bool:
         """Whether the line of peak systole lies below the exponential of the passive curve at a volume [mL].
 
-        The offset beta is left out: it also exceeds the line in a ventricle that is all but empty.
+        The offset beta and exponentials below `NOTABLE_MMHG` are left out: they exceed the line in a
+        ventricle that is all but empty, too.
         """
         systolic, alpha, kappa, _ = map(float, self.constants(values))
-        return systolic * volume < alpha * math.exp(min(kappa * volume, LARGEST_EXPONENT))
+        resting = alpha * math.exp(min(kappa * volume, LARGEST_EXPONENT))
+        return volume > 0.0 and max(NOTABLE_MMHG, systolic * volume) < resting
 
     def pressure(
         self, volume: Number, activation: Number, constants: VentricleConstants
