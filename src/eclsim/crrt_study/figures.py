@@ -16,6 +16,7 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from eclsim.crrt_study.limits import LIMITS, Limit, any_bounded
 from eclsim.reporting.beat_values import two_beats
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
@@ -253,7 +254,7 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
         right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=label)
     _mark_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
     for row, volume_ml in zip(rows, uptake["blood_taken_up"].values, strict=True):
-        volume = f"{volume_ml:.0f} mL".replace("-", "−") if np.isfinite(volume_ml) else "– mL"
+        volume = number(float(volume_ml), 0, unit="mL", missing="– mL")
         right.annotate(volume, (1.0, row), xycoords=("axes fraction", "data"),
                        xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)  # fmt: skip
     right.axvline(0.0, color="black", linewidth=0.7)
