@@ -12,6 +12,7 @@ from eclsim.cli.identify import _check_points
 from eclsim.execution import threads
 from eclsim.identification import multi_start
 from eclsim.identification.settings import FitSettings
+from eclsim.parameters.thiel2025 import BOUNDS, PARAMETERS
 
 MEASURED = """[measurements]
 SP = 110
@@ -19,6 +20,10 @@ DP = 75
 MAP = 88
 CO = 4.0
 """
+KNOWN = "[parameters]\n" + "".join(
+    f"{name} = {PARAMETERS[name].value}\n" for name in BOUNDS if name not in ("Rmc", "Emaxlv")
+)
+"""The other parameters of a fit, given, so that none is held as an assumption."""
 NO_DEVICE = ",,,,"
 HEAD = (
     "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
@@ -94,7 +99,7 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     monkeypatch.setattr("eclsim.cli.identify._sample", lambda *_: other)
     out = tmp_path / "fit"
     done = shell.run(
-        "identify", shell.case(more=MEASURED), "--parameters", "Rmc,Emaxlv", "--out", str(out), "--posterior",
+        "identify", shell.case(more=MEASURED + KNOWN), "--parameters", "Rmc,Emaxlv", "--out", str(out), "--posterior",
         "--posterior-method", "importance", "--json", "-",
     )  # fmt: skip
     assert done.exit_code == status, done.stderr

@@ -13,7 +13,7 @@ from eclsim.identification import tracks
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import TrackSettings
 from eclsim.identification.tracks import followed
-from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS, PARAMETERS
 
 HEAD = (
     "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
@@ -215,6 +215,10 @@ def test_tables_and_case_files_do_not_mix(shell, table):
 
 
 MEASURED = "[measurements]\nSP = 110\nDP = 75\nMAP = 88\nCO = 4.0\n"
+KNOWN = "[parameters]\n" + "".join(
+    f"{name} = {PARAMETERS[name].value}\n" for name in BOUNDS if name not in ("Rmc", "Emaxlv")
+)
+"""The other parameters of a fit, given, so that none is held as an assumption."""
 
 
 @pytest.mark.slow
@@ -238,7 +242,7 @@ def test_predictions_at_other_settings(shell):
 
 @pytest.mark.slow
 def test_gaussian_predictions_are_called_that_and_unchecked(shell):
-    case, out = shell.case(more=MEASURED), shell.folder / "out"
+    case, out = shell.case(more=MEASURED + KNOWN), shell.folder / "out"
     result = shell.run(
         "identify", case, "--out", out, *FEW, "--predict", "patient.heart_rate_bpm=90",
         "--predict-with", "gaussian",
