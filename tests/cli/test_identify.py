@@ -99,8 +99,8 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     monkeypatch.setattr("eclsim.cli.identify._sample", lambda *_: other)
     out = tmp_path / "fit"
     done = shell.run(
-        "identify", shell.case(more=MEASURED + KNOWN), "--parameters", "Rmc,Emaxlv", "--out", str(out), "--posterior",
-        "--posterior-method", "importance", "--json", "-",
+        "identify", shell.case(more=MEASURED + KNOWN), "--parameters", "Rmc,Emaxlv", "--out", str(out),
+        "--posterior", "--posterior-method", "importance", "--json", "-",
     )  # fmt: skip
     assert done.exit_code == status, done.stderr
     (point,) = json.loads(done.stdout)["points"]
