@@ -10,20 +10,13 @@ from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.settings import FitSettings
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from shock_patient import SHOCK
 
 
 @pytest.mark.slow
 def test_a_fitted_heart_that_softens_as_it_contracts_is_doubted():
     """A second solution of the published law, with a fifth of the contractility of the first."""
-    raw = {
-        "format": 1,
-        "patient": {
-            "id": "P", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
-            "heart_rate_bpm": 95,
-        },
-        "parameters": {"Emaxlv": 0.08, "Emaxrv": 0.206, "Rmc": 0.645, "Rpmc": 0.138, "P0svn": 46.0},
-    }  # fmt: skip
-    case = read_mapping(raw).case
+    case = with_values(read_mapping(SHOCK).case, {"Emaxlv": 0.08})
     beat = simulate(model_of(case))
     values = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")}
     started = with_values(case, {"Emaxlv": 0.1})

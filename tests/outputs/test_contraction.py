@@ -10,15 +10,8 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.parameters.thiel2025 import PARAMETERS
 from eclsim.validation.reference_cases import reference_model
+from shock_patient import SHOCK
 
-SHOCK = {
-    "format": 1,
-    "patient": {
-        "id": "shock", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
-        "heart_rate_bpm": 95,
-    },
-    "parameters": {"Emaxlv": 0.466, "Emaxrv": 0.206, "Rmc": 0.645, "Rpmc": 0.138, "P0svn": 46.0},
-}  # fmt: skip
 CASE = read_mapping(SHOCK).case
 
 

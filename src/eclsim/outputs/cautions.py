@@ -271,22 +271,21 @@ def _carbon_dioxide(outputs: Mapping[str, float], values: Mapping[str, float]) -
 
 def _measured_response(text: str, change: float, outputs: Mapping[str, float]) -> list[Finding]:
     """Caution about the response that was measured in patients, whose carbon dioxide rose by 19 mmHg."""
-    others = ("CO", "MPAP", "heart_rate")
     if change < 0.0:
         text += (
             "carbon_dioxide_response was measured while carbon dioxide rose, up to 19 mmHg above, and is "
             "extrapolated below it: how far resistance rises and output falls is not known"
         )
-        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
-    text += (
-        "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
-        "unchanged in the patients in whom this resistance was measured (Thorens 1996) and rises in "
-        "healthy people (Kiely 1996): it is probably too low"
-    )
+    else:
+        text += (
+            "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
+            "unchanged in the patients in whom this resistance was measured (Thorens 1996) and rises in "
+            "healthy people (Kiely 1996): it is probably too low"
+        )
     if change > LARGEST_STUDIED_MMHG:
         text += "; the response was measured up to 19 mmHg above, and is extrapolated"
-        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
-    return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP")]
+    others = () if 0.0 <= change <= LARGEST_STUDIED_MMHG else ("CO", "MPAP", "heart_rate")
+    return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
 
 
 def _at_another_temperature(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from eclsim.circuit.network import HEART_RATE, Circuit
 from eclsim.devices.description import CAUTION, Finding
-from eclsim.outputs.registry import CHAMBERS
+from eclsim.outputs.registry import CHAMBERS, VALVES
 from eclsim.outputs.regulation import FACTORS
 
 FACTORS_OF = {"lv": "contractility_lv_factor", "rv": "contractility_rv_factor"}
@@ -27,7 +27,6 @@ _OF_VENTRICLE = (
     "peak_pressure",
 )  # fmt: skip
 _VOLUMES = ("EDV", "ESV")
-_EJECTED = {"lv": "aortic_valve_flow", "rv": "pulmonary_valve_flow"}
 LEAST_FLOW_L_MIN, EJECTED_SHARE = 1.0, 0.8
 """Flow through a ventricle from which it is judged, and the share of it that its beats must explain."""
 
@@ -92,8 +91,9 @@ def running_through(outputs: Mapping[str, float], values: Mapping[str, float]) -
     """
     result = []
     rate = outputs.get("heart_rate", values.get(HEART_RATE, math.nan))
-    for place, valve in _EJECTED.items():
-        stroke, flow = outputs.get(f"stroke_volume_{place}", math.nan), outputs.get(valve, math.nan)
+    for place in FACTORS_OF:
+        stroke = outputs.get(f"stroke_volume_{place}", math.nan)
+        flow = outputs.get(f"{VALVES[place]}_valve_flow", math.nan)
         ejected = stroke * rate / 1000.0
         if not (flow > LEAST_FLOW_L_MIN and ejected < EJECTED_SHARE * flow):
             continue

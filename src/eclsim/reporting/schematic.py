@@ -160,9 +160,8 @@ class Labels:
     def head(self, pump: str) -> str:
         """Return the text for the mean pressure rise over a pump, or the drop; empty without a result."""
         mean = self._mean(f"P{pump}", "mmHg", 0)
-        if mean.startswith(MINUS):
-            return f"drop {mean.removeprefix(MINUS)}"
-        return f"rise {mean}" if mean else ""
+        word = "drop" if MINUS in mean else "rise"
+        return f"{word} {mean.replace(MINUS, '')}" if mean else ""
 
     def title(self, title: str | None) -> str:
         """Return the given title, or the name of the case."""
