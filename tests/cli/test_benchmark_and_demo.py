@@ -50,11 +50,10 @@ def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
 
     from eclsim.validation.timing import _process
 
-    held = np.ones(30_000_000)  # 240 MB here
+    held = np.ones(100_000_000)  # 800 MB here, about four times what a process that only imports takes
     report = "from eclsim.validation.timing import _largest_memory_mb; print(_largest_memory_mb())"
     result = float(_process([sys.executable, "-c", report], {})[2])
-    assert held.nbytes > 200e6
-    assert 5.0 < result < 200.0
+    assert 5.0 < result < held.nbytes / 2e6
 
 
 @pytest.mark.slow
