@@ -16,9 +16,11 @@ from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.orbit.status import Status
+from eclsim.outputs.alarms import CAUTION, marks
 from eclsim.parameters.adult_ranges import adult_ranges
 from eclsim.simulation.single import simulate
 from patience import until
+from shock_patient import SHOCK
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +147,17 @@ def test_what_no_patient_can_have_is_marked_at_its_place(paper):
     assert beat.waves["Vra"].min() < 0
     assert beat.place_levels()["ra"] == beat.place_levels()["rv"] == "collapse"
     assert plain(beat, ())["possible"] is False
+
+
+def test_alarms_of_no_table_mark_their_numbers_as_in_terminal_and_figures():
+    """The alarm of a ventricle too weak for its blood stood in the list alone; no tile had its sign."""
+    weak = SHOCK | {"parameters": SHOCK["parameters"] | {"Emaxlv": 0.05}}
+    beat = compute_beat(PageState(read_mapping(weak).case))
+    assert "alarm" in {finding.kind for finding in beat.findings if finding.quantity == "EDVLV"}
+    assert beat.levels()["CO"] == beat.levels()["ejection_fraction_lv"] == "alarm"
+    assert beat.place_levels()["lv"] == beat.place_levels()["ao"] == "alarm"
+    graver = {n: k for n, k in marks(beat.findings, beat.outputs, beat.values).items() if k != CAUTION}
+    assert {n: k for n, k in beat.levels().items() if k != "ok"} == graver
 
 
 @pytest.mark.parametrize("preset", PRESETS)

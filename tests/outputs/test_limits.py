@@ -118,8 +118,8 @@ def test_a_sentence_says_whether_it_is_an_alarm():
 
 
 def test_a_compartment_takes_the_worst_of_its_outputs():
-    assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0})["ao"] == "warning"
-    assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0})["ao"] == "ok"
+    assert place_levels(levels({"MAP": 80.0, "pulse_pressure": 2.0}))["ao"] == "warning"
+    assert place_levels(levels({"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0}))["ao"] == "ok"
     assert set(place_levels({}).values()) == {"ok"}
     assert gravest(["ok", "alarm", "warning"]) == "alarm"
 
@@ -133,7 +133,7 @@ def test_a_stopped_pump_has_no_alarms_of_its_lines(key):
     for running in (pressures, pressures | {flow: 0.2}):
         assert {limit.quantity for limit in broken_limits(running)} == set(pressures)
         assert levels(running)[access] == "alarm"
-        assert place_levels(running)["crrttuin" if key == "crrt" else "crrt.b.crrttuin"] == "alarm"
+        assert place_levels(levels(running))["crrttuin" if key == "crrt" else "crrt.b.crrttuin"] == "alarm"
     stopped = pressures | {flow: 0.0}
     assert [limit.quantity for limit in broken_limits(stopped)] == ["post_pump_pressure"]
     assert levels(stopped)[access] == levels(stopped)[back] == "ok"

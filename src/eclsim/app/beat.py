@@ -22,9 +22,9 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible
+from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible, marks
 from eclsim.outputs.gas import OF_LUNG_FLOW, PlaceGases, recirculation
-from eclsim.outputs.limits import levels, place_levels
+from eclsim.outputs.limits import place_levels
 from eclsim.outputs.second_beat import caution_of_two, flows_in_words, second_beat
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -114,25 +114,21 @@ class Beat:
         return not impossible(self.findings)
 
     def levels(self) -> dict[str, str]:
-        """Return the level of each output relative to its limits: "ok", "warning", "alarm" or "collapse".
+        """Return the level of each output: "ok", or the most serious finding about it, as in figures.
 
-        An output without a value has the level of the alarm that explains why.
+        Cautions have no level: they are about how to read a number.
         """
-        without = {
-            name: finding.kind
-            for finding in self.findings
-            for name in finding.concerns
-            if finding.kind == "alarm" and not math.isfinite(self.outputs.get(name, 0.0))
-        }
-        return levels(self.outputs, self.values) | without
+        marked = marks(self.findings, self.outputs, self.values)
+        graver = {name: kind for name, kind in marked.items() if kind != CAUTION}
+        return dict.fromkeys(self.outputs, "ok") | graver
 
     def place_levels(self) -> dict[str, str]:
         """Return the level of each compartment; a collapsed one is marked whatever its mean pressure."""
-        levels = place_levels(self.outputs)
+        result = place_levels(self.levels())
         for finding in self.findings:
-            if finding.kind == "collapse" and finding.quantity[1:] in levels:
-                levels[finding.quantity[1:]] = "collapse"
-        return levels
+            if finding.kind == "collapse" and finding.quantity[1:] in result:
+                result[finding.quantity[1:]] = "collapse"
+        return result
 
 
 Program = tuple[Circuit, int]

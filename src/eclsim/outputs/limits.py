@@ -224,16 +224,15 @@ def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]
     return result
 
 
-def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
+def place_levels(levels: Mapping[str, str]) -> dict[str, str]:
     """The most severe level of the outputs of each compartment.
 
     Args:
-        outputs: values by name.
+        levels: level of each output of the circuit by name.
     """
-    by_output = levels(outputs)
     return {
-        place: gravest(by_output[name] for name in names if name in by_output)
-        for place, names in places_with_limits(outputs).items()
+        place: gravest(levels[name] for name in names if name in levels)
+        for place, names in places_with_limits(levels).items()
     }
 
 
