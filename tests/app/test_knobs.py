@@ -217,6 +217,16 @@ def test_boxes_name_the_outputs_of_their_saturation():
     assert boxes["lv"] == []
 
 
+def test_boxes_of_named_devices_and_of_regions_name_their_saturations_too():
+    """The box of a named ECMO's drained blood and that of the upper body had no sign of a limit."""
+    raw = CASES["paper"].as_mapping()
+    ecmo = {key: value for key, value in raw["ecmo"].items() if "crrt" not in key}
+    named = {"format": 1, "patient": raw["patient"], "ecmo": {"b": ecmo}, "physiology": {"regional": True}}
+    boxes = {box["name"]: box["saturation"] for box in drawing_of(read_mapping(named).case)["boxes"]}
+    assert boxes["ecmo.b.ecmodrain"] == ["ecmo.b.SpreO2"]
+    assert (boxes["upper"], boxes["lower"]) == (["SaO2"], ["SaO2_lower"])
+
+
 def test_a_connection_without_a_place_is_drawn_as_in_the_figure():
     shunt = Circuit(connections=(Connection("shunt", Resistance(1.0), "sart", "ra", "own"),))
     drawing = drawing_of_circuit(circuit_of(CASES["healthy"]) + shunt)

@@ -150,7 +150,8 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
             "text": label, "short": ENGLISH.get(f"box_{place}", (box and box.short) or label),
-            "ink": ink(compartment.group), "saturation": list(saturations_in(compartment.name)),
+            "ink": ink(compartment.group),
+            "saturation": list(saturations_in(compartment.name, compartment.group)),
             "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result

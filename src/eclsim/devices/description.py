@@ -91,6 +91,8 @@ class Output:
         absolute: whether it changes with the level of all pressures although it needs several waveforms; an
             output of a single pressure always does, a difference of two never.
         same_as: name of the output of the same number that has the limits and the reference range.
+        mean_of: waveform whose mean over the beat it is, as drawn at its place.
+        saturation_in: compartments whose oxygen saturation it is; of several, the first in the circuit.
     """
 
     name: str
@@ -109,11 +111,15 @@ class Output:
     read_at: str = ""
     absolute: bool = False
     same_as: str = ""
+    mean_of: str = ""
+    saturation_in: tuple[str, ...] = ()
 
 
 def mean(name: str, long_name: str, signal: str) -> Output:
     """Output of the mean of a pressure [mmHg]."""
-    return Output(name, long_name, "mmHg", f"mean of {signal}", (signal,), lambda m: m.mean(signal))
+    return Output(
+        name, long_name, "mmHg", f"mean of {signal}", (signal,), lambda m: m.mean(signal), mean_of=signal
+    )
 
 
 def highest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
@@ -133,6 +139,7 @@ def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False,
     return Output(
         name, long_name, "L/min", f"mean of {signal}", (signal, beside) if beside else (signal,),
         lambda m: m.mean(signal) / ML_S_PER_L_MIN, in_contract=in_contract, read_at=signal if beside else "",
+        mean_of=signal,
     )  # fmt: skip
 
 
@@ -161,6 +168,7 @@ def gas_sample(
         name, long_name, unit, f"of the blood {at} {place}", needs,
         lambda m: factor * m.gas(what, where, place), parameters=(GASES,), all_flows=True,
         read_at=f"{'P' if where == 'in' else 'Q'}{place}",
+        saturation_in=(place,) if (what, where) == ("SO2", "in") else (),
     )  # fmt: skip
 
 

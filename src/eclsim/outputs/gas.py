@@ -54,7 +54,7 @@ def _of_artery(name: str, label: str, unit: str, gas: str, factor: float = 1.0) 
         name, f"{label} of the right radial artery", unit,
         "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
         lambda m: factor * m.gas(gas, "in", artery_of(m.circuit)), parameters=(GASES,), all_flows=True,
-        read_at=f"P{ARTERY[-1]}",
+        read_at=f"P{ARTERY[-1]}", saturation_in=ARTERY if gas == "SO2" else (),
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -65,7 +64,7 @@ _PRESSURES_AND_FLOWS = (
     Output(
         "CO", "native cardiac output", "L/min",
         "mean of Qpas: the flow through the pulmonary artery, and so through the lungs, whatever drives it",
-        ("Qpas",), lambda m: m.mean("Qpas") / ML_S_PER_L_MIN,
+        ("Qpas",), lambda m: m.mean("Qpas") / ML_S_PER_L_MIN, mean_of="Qpas",
     ),
 )  # fmt: skip
 _PULMONARY_PRESSURES_AND_VOLUMES = (
@@ -194,6 +193,7 @@ _MORE = (
         "mean of Qlv, the flow through the aortic valve, without the flow of an assist device",
         ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
+        mean_of="Qlv",
     ),
     Output(
         "LVOT_VTI", "velocity-time integral of the left ventricular outflow tract", "cm",
@@ -276,6 +276,8 @@ def _of_instance(entry: Output, names: Naming) -> Output:
         extremes=tuple(map(names.signal, entry.extremes)),
         parameters=tuple(map(names.parameter, entry.parameters)),
         read_at=entry.read_at and names.signal(entry.read_at),
+        mean_of=entry.mean_of and names.signal(entry.mean_of),
+        saturation_in=tuple(map(names.place, entry.saturation_in)),
         compute=lambda measures: entry.compute(cast("BeatMeasures", _RenamedMeasures(measures, names))),
     )
 
@@ -355,18 +357,24 @@ def outputs_of_mean(signal: str, group: str) -> tuple[str, ...]:
         signal: name of the waveform.
         group: group of its place: "patient", or the device and its name.
     """
-    names = naming_of(group)
-    entries = (all_outputs() | all_outputs(() if names is None else (names,))).values()
-    # Behind a comma or colon, a definition says in words what the mean of this waveform is.
-    return tuple(e.name for e in entries if re.split("[,:]", e.definition)[0] == f"mean of {signal}")
+    return tuple(entry.name for entry in _outputs_beside(group) if entry.mean_of == signal)
 
 
 @cached_by_devices(1024)
-def saturations_in(place: str) -> tuple[str, ...]:
-    """Return the outputs that are the oxygen saturation in a compartment, such as SaO2."""
-    entries = all_outputs().values()
-    blood = [e for e in entries if e.read_at == f"P{place}" and e.definition.startswith("of the blood in")]
-    return tuple(entry.name for entry in blood if entry.unit == "%")
+def saturations_in(place: str, group: str) -> tuple[str, ...]:
+    """Return the outputs that are the oxygen saturation in a compartment, such as SaO2.
+
+    Args:
+        place: name of the compartment.
+        group: its group: "patient", or the device and its name.
+    """
+    return tuple(entry.name for entry in _outputs_beside(group) if place in entry.saturation_in)
+
+
+def _outputs_beside(group: str) -> Iterable[Output]:
+    """Outputs of all unnamed devices and of the instance to which a group belongs."""
+    names = naming_of(group)
+    return (all_outputs() | all_outputs(() if names is None else (names,))).values()
 
 
 def is_users_output(name: str) -> bool:

@@ -127,7 +127,9 @@ class Labels:
 
     def saturation_marks(self, name: str) -> str:
         """Return the marks of the saturation in a compartment."""
-        return "" if self.result is None else figure_marks_of(self.result, *saturations_in(name))
+        if self.result is None:
+            return ""
+        return figure_marks_of(self.result, *saturations_in(name, self.groups[name]))
 
     def legend(self, plan: Plan) -> str:
         """Return the meaning of the marks on the schematic and where their reasons are; empty without any."""
