@@ -72,7 +72,7 @@ def test_case_files_are_followed_in_their_order(shell):
     assert content["series"][0]["points"][1]["drift"] == pytest.approx(0.1)
     assert content["series"][0]["points"][1]["hours_since_last"] == 24.0
     assert content["series"][0]["assumed_interval_hours"] == 24.0
-    assert "24 h after the one before (--interval)" in result.stderr
+    assert "24 h from one to the next are assumed (interval)" in result.stderr
     assert "differs from" not in result.stderr
 
 
@@ -83,7 +83,7 @@ def test_a_refused_row_between_others_keeps_its_time(shell, table):
     assert result.exit_code == 1
     points = json.loads(result.stdout)["series"][0]["points"]
     assert [(p["id"], p["hours_since_last"]) for p in points] == [("1", None), ("3", 48.0)]
-    assert "=A: refused rows between used ones: 1; each still counts as 24 h of elapsed time" in result.stderr
+    assert "=A: measurements left out: 1; each still counts as 24 h of time" in result.stderr
 
 
 TWO_PATIENTS = (

@@ -81,8 +81,7 @@ def track(options: TrackOptions) -> None:
     settings = _settings(options)
     each = _settings_of_each(options, series, settings)
     _check_points(series, each)
-    timed = {patient: _names_are_times(patient, points) for patient, points in series.items()}
-    _note_assumed_times(series, timed, left_out, options.interval)
+    _note_assumed_times(series, left_out, options.interval)
 
     from eclsim.identification.files import write_tracks
     from eclsim.identification.track_report import series_text
@@ -171,38 +170,19 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
         )
 
 
-def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
-    """Whether the names of a patient's measurements are times, and in order."""
-    from eclsim.identification.series import elapsed_hours
-
-    try:
-        return elapsed_hours([name for name, _ in points]) is not None
-    except CaseError as error:
-        fail(*(f"{patient}: {mistake}" for mistake in error.mistakes))
-
-
-def _note_assumed_times(
-    series: Series, timed: Mapping[str, bool], left_out: Mapping[str, Sequence[int]], interval: float
-) -> None:
-    """Note what is assumed where names are not full times; refused rows still count as elapsed time."""
+def _note_assumed_times(series: Series, left_out: Mapping[str, Sequence[int]], interval: float) -> None:
+    """Note what is assumed where names are not full times; ends the program if they are not in order."""
     from eclsim.identification.series import notes_on_time
 
-    if patients := [name for name, known in timed.items() if not known and len(series[name]) > 1]:
-        line = (
-            f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00 "
-            f"(all with a time zone or all without); each is taken as {interval:g} h after the one before "
-            "(--interval)"
-        )
-        note([line])
-    for patient in filter(timed.get, series):
-        names = [name for name, _ in series[patient]]
-        note(f"{patient}: {sentence}" for sentence in notes_on_time(names, interval))
-    note(
-        f"{patient}: refused rows between used ones: {count}; each still counts as {interval:g} h of "
-        "elapsed time"
-        for patient, lost in left_out.items()
-        if (count := sum(lost)) and not timed[patient]
-    )
+    patients: dict[str, list[str]] = {}
+    for patient, points in series.items():
+        try:
+            notes = notes_on_time([name for name, _ in points], interval, left_out.get(patient, ()))
+        except CaseError as error:
+            fail(*(f"{patient}: {mistake}" for mistake in error.mistakes))
+        for sentence in notes:
+            patients.setdefault(sentence, []).append(patient)
+    note(f"{', '.join(names)}: {sentence}" for sentence, names in patients.items())
 
 
 def _settings(o: TrackOptions) -> TrackSettings:

@@ -263,13 +263,17 @@ def notes_on_time(names: Sequence[str], interval: float, left_out: Iterable[int]
         names: names of the measurements in order.
         interval: time between measurements that is assumed where names are no times [h].
         left_out: number of missing measurements before each point.
+
+    Raises:
+        CaseError: As for `elapsed_hours`.
     """
+    hours = elapsed_hours(names)
     if len(names) < 2:
         return []
-    if elapsed_hours(names) is None:
+    if hours is None:
         notes = [
             "not all names of the measurements are times such as 2024-03-01T08:00 (all with a time zone or "
-            f"all without): {interval:g} h from one to the next are assumed"
+            f"all without): {interval:g} h from one to the next are assumed (interval)"
         ]
         if lost := sum(left_out):
             notes.append(f"measurements left out: {lost}; each still counts as {interval:g} h of time")
