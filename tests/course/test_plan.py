@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from eclsim.cases import read_case
+from eclsim.cases.reading import read_mapping
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course, follow
 from eclsim.course.handover import EarlyStop
@@ -28,6 +29,7 @@ from eclsim.course.timeline import Change, Timeline, case_with_settings
 from eclsim.devices.renox import Renox
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
+from eclsim.simulation.single import simulate
 from small_patient import ON_ECMO
 
 
@@ -263,6 +265,16 @@ def test_weaning_reads_what_the_bedside_reads(own):
     vti = steps[0].outputs["LVOT_VTI"]
     stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
     assert vti == pytest.approx(stroke / math.pi)
+
+
+@pytest.mark.slow
+def test_what_doppler_sees_in_the_outflow_tract_includes_what_leaks_back(own):
+    """With a leaking aortic valve the integral was half of an echo's, and plans refused speeds for it."""
+    leaking = read_mapping(own.as_mapping() | {"physiology": {"aortic_regurgitation_cm2": 0.2}}).case
+    read = plan_weaning(leaking, [2500.0])[0].outputs
+    ejected = simulate(apply_settings(leaking, ["ecmo.speed_rpm=2500"]))
+    assert read["LVOT_VTI"] == pytest.approx(float(ejected["stroke_volume_lv"]) / math.pi, rel=0.01)
+    assert read["LVOT_VTI"] > 1.3 * 1000.0 * read["LVO"] / 80.0 / math.pi
 
 
 def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_it(own):

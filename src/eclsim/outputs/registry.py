@@ -180,7 +180,8 @@ SMALLEST_RATE = 1e-300
 
 def _vti(m: BeatMeasures) -> Numbers:
     period = 60.0 / (in_effect(HEART_RATE)(m) + SMALLEST_RATE)
-    return m.mean("Qlv") * period / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
+    ejected = m.forward("lv") * ML_S_PER_L_MIN * period
+    return ejected / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
 
 
 _MORE = (
@@ -197,7 +198,8 @@ _MORE = (
     ),
     Output(
         "LVOT_VTI", "velocity-time integral of the left ventricular outflow tract", "cm",
-        f"mean of Qlv over a beat / area of an outflow tract {OUTFLOW_TRACT_CM:g} cm wide", ("Qlv",), _vti,
+        "blood that passes the aortic valve forward in a beat, also that which leaks back, / area of an "
+        f"outflow tract {OUTFLOW_TRACT_CM:g} cm wide", ("Qlv",), _vti,
         parameters=(HEART_RATE,), in_effect=True,
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
