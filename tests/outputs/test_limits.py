@@ -176,8 +176,8 @@ def test_the_documented_table_is_the_table():
 @pytest.mark.parametrize(
     ("height", "weight", "delivered", "kinds"),
     [
-        (195.0, 120.0, 900.0, []), (195.0, 120.0, 620.0, ["warning"]), (195.0, 120.0, 520.0, ["alarm"]),
-        (150.0, 45.0, 450.0, []), (150.0, 45.0, 280.0, ["warning"]), (174.0, 67.0, 450.0, ["warning"]),
+        (195.0, 120.0, 900.0, []), (195.0, 120.0, 620.0, ["warning"]), (195.0, 120.0, 420.0, ["alarm"]),
+        (150.0, 45.0, 450.0, []), (150.0, 45.0, 280.0, ["warning"]), (150.0, 45.0, 220.0, ["alarm"]), (174.0, 67.0, 450.0, ["warning"]),
         (178.0, 76.0, 450.0, ["warning"]),
     ],
 )  # fmt: skip
@@ -193,10 +193,11 @@ def test_oxygen_delivery_is_held_against_the_size_of_the_patient(height, weight,
 
 
 def test_the_source_of_a_limit_names_the_size_that_it_is_of():
-    (said,) = findings({"DO2": 520.0}, {}, values=dict(zip(SIZE, (195.0, 120.0), strict=True)))
+    (said,) = findings({"DO2": 420.0}, {}, values=dict(zip(SIZE, (195.0, 120.0), strict=True)))
     assert said.sentence == (
-        "oxygen delivery (STPD) 520.0 mL/min is below 540 mL/min: oxygen delivery is critical: raise flow or "
-        "haemoglobin (4.5 mL/min/kg (Ronco et al. 1993), with the 120 kg of this patient)"
+        "oxygen delivery (STPD) 420.0 mL/min is below 427 mL/min: oxygen delivery is critical: raise flow or "
+        "haemoglobin (4.5 mL/min/kg at 67 kg and 1.8 m2 (Ronco et al. 1993), with the 2.55 m2 of this "
+        "patient)"
     )
 
 

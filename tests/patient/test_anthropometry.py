@@ -69,6 +69,15 @@ def test_blood_volume_falls_with_age_and_is_larger_in_men():
 
 def test_limits_of_oxygen_delivery_are_those_of_the_size():
     """sqrt(195 x 120 / 3600) = 2.5495 m2; at the size of the table there are no others."""
-    assert delivery_limits(195.0, 120.0) == (714.0, 540.0)
+    assert delivery_limits(195.0, 120.0) == (714.0, 427.0)
     assert delivery_limits(174.0, 67.0) is None
-    assert delivery_limits(150.0, 45.0) == (383.0, 202.0), "a small patient needs less than the table says"
+    assert delivery_limits(150.0, 45.0) == (383.0, 229.0), "a small patient needs less than the table says"
+
+
+def test_critical_delivery_goes_with_consumption_in_every_build():
+    """At 165 cm and 190 kg the critical limit lay above the low one; at 175 cm and 45 kg nearly at VO2."""
+    for height, weight in ((165.0, 190.0), (165.0, 130.0), (175.0, 45.0)):
+        low, critical = delivery_limits(height, weight) or (0.0, 0.0)
+        consumed = oxygen_consumption(height, weight)
+        assert low / consumed == pytest.approx(280.0 / 126.0, rel=0.01)
+        assert critical / consumed == pytest.approx(1.33, rel=0.01)

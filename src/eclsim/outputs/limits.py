@@ -28,7 +28,7 @@ _GREATEST_RATE_SPREAD = 10.0
 HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
 """The patient's own heart rate, and relative change up to which it counts as unchanged."""
 _RANUCCI = "280 mL/min/m2 (Ranucci et al. 2005)"
-_RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
+_RONCO = "4.5 mL/min/kg at 67 kg and 1.8 m2 (Ronco et al. 1993)"
 _TOO_FAST = "faster than a sinus node of this age: the curves of reflex and drugs have no upper limit"
 
 
@@ -122,10 +122,8 @@ def _of_size(values: Mapping[str, float]) -> dict[tuple[str, str], dict[str, Any
         return {}
     assert height is not None
     assert weight is not None
-    sources = {
-        "warning": f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient",
-        "alarm": f"{_RONCO}, with the {weight:g} kg of this patient",
-    }
+    size = f"with the {body_surface(height, weight):.2f} m2 of this patient"
+    sources = {"warning": f"{_RANUCCI}, {size}", "alarm": f"{_RONCO}, {size}"}
     return {
         ("DO2", kind): {"value": value, "source": source}
         for value, (kind, source) in zip(own, sources.items(), strict=True)

@@ -21,6 +21,8 @@ AGE = "patient.age_years"
 _MEAN_HEIGHT_WEIGHT = read_table(Path(__file__).with_suffix(".csv"))
 """Height [cm] and weight [kg] by sex and range of age [years]."""
 
+TABLE_SURFACE_M2 = 1.8
+"""Body surface of the patient for whom the table of limits states those of oxygen delivery."""
 MINIMUM_AGE_YEARS = 18.0
 MAXIMUM_AGE_YEARS = 100.0
 
@@ -75,16 +77,19 @@ def oxygen_consumption(height_cm: float, weight_kg: float) -> float:
 def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] | None:
     """Limits of low and of critical oxygen delivery for a patient's size [mL/min STPD].
 
-    Sources: 280 mL/min/m2 (Ranucci et al. 2005) and 4.5 mL/min/kg (Ronco et al. 1993), as in the table of
-    limits, which states them for 1.8 m2 and 67 kg.
+    Both go with body surface, as oxygen consumption does: in the obese 4.5 mL/min per kg of actual weight would
+    lie above the limit of low delivery, and in thin patients hardly above what they consume.
+
+    Sources: 280 mL/min/m2 (Ranucci et al. 2005), and 4.5 mL/min/kg (Ronco et al. 1993) for a patient of 67 kg
+        and 1.8 m2, as in the table of limits.
 
     Returns:
-        Both, rounded to whole numbers; None if surface and weight are within 15 % of those of the table.
+        Both, rounded to whole numbers; None if the surface is within 5 % of that of the table.
     """
     surface = body_surface(height_cm, weight_kg)
-    if all(abs(share - 1.0) <= 0.15 for share in (surface / 1.8, weight_kg / 67.0)):
+    if abs(surface / TABLE_SURFACE_M2 - 1.0) <= 0.05:
         return None
-    return float(round(280.0 * surface)), float(round(4.5 * weight_kg))
+    return float(round(280.0 * surface)), float(round(4.5 * 67.0 / TABLE_SURFACE_M2 * surface))
 
 
 def greatest_heart_rate(age_years: float) -> float:
