@@ -177,8 +177,8 @@ def test_the_documented_table_is_the_table():
     ("height", "weight", "delivered", "kinds"),
     [
         (195.0, 120.0, 900.0, []), (195.0, 120.0, 620.0, ["warning"]), (195.0, 120.0, 420.0, ["alarm"]),
-        (150.0, 45.0, 450.0, []), (150.0, 45.0, 280.0, ["warning"]), (150.0, 45.0, 220.0, ["alarm"]), (174.0, 67.0, 450.0, ["warning"]),
-        (178.0, 76.0, 450.0, ["warning"]),
+        (150.0, 45.0, 450.0, []), (150.0, 45.0, 280.0, ["warning"]), (150.0, 45.0, 220.0, ["alarm"]),
+        (174.0, 67.0, 450.0, ["warning"]), (178.0, 76.0, 450.0, ["warning"]),
     ],
 )  # fmt: skip
 def test_oxygen_delivery_is_held_against_the_size_of_the_patient(height, weight, delivered, kinds):
