@@ -293,3 +293,13 @@ def test_stores_change_no_steady_state():
     a, b = (steady_beat(Batch.of(one), ("PaCO2", "SaO2", "SvO2")).values for one in (plain, stored))
     np.testing.assert_allclose(a, b, rtol=1e-9)
     assert not laws_of(plain.circuit, plain.values)
+
+
+@pytest.mark.parametrize(("weight", "space"), [(80.0, 40_000.0), (130.0, 59_238.0), (170.0, 72_686.0)])
+def test_fat_holds_no_bicarbonate(weight, space):
+    """Half of an obese patient's weight is more than all the water of the body (Watson 1980)."""
+    patient = {"id": "x", "sex": "male", "age_years": 60, "height_cm": 175, "weight_kg": weight}
+    patient["heart_rate_bpm"] = 80
+    values = model_of(read_mapping({"format": 1, "patient": patient, "solutes": {}}).case).values
+    assert values["solutes.bicarbonate_space_ml"] == pytest.approx(space, rel=1e-4)
+    assert values["solutes.bicarbonate_space_ml"] <= values["solutes.body_water_ml"]

@@ -182,11 +182,12 @@ def fluid_values(
         result |= {f"{fluid.SECTION}.{name}": float(value) for name, value in content.items()}
     if (solutes := case.solutes) is not None:
         patient = case.patient
+        water = body_water_ml(patient.sex, patient.age_years, height_cm, weight_kg)
         inferred = {
             "followed": 1.0,
             "bicarbonate_mmol_l": USUAL_BICARBONATE,
-            "body_water_ml": body_water_ml(patient.sex, patient.age_years, height_cm, weight_kg),
-            "bicarbonate_space_ml": BICARBONATE_SPACE * weight_kg,
+            "body_water_ml": water,
+            "bicarbonate_space_ml": min(BICARBONATE_SPACE * weight_kg, water),
             "carbon_dioxide_store_ml_mmHg": CARBON_DIOXIDE_STORE * weight_kg,
         }
         if case.gas is not None:

@@ -77,8 +77,8 @@ def oxygen_consumption(height_cm: float, weight_kg: float) -> float:
 def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] | None:
     """Limits of low and of critical oxygen delivery for a patient's size [mL/min STPD].
 
-    Both go with body surface, as oxygen consumption does: in the obese 4.5 mL/min per kg of actual weight would
-    lie above the limit of low delivery, and in thin patients hardly above what they consume.
+    Both go with body surface, as oxygen consumption does: in the obese 4.5 mL/min per kg of actual weight
+    would lie above the limit of low delivery, and in thin patients hardly above what they consume.
 
     Sources: 280 mL/min/m2 (Ranucci et al. 2005), and 4.5 mL/min/kg (Ronco et al. 1993) for a patient of 67 kg
         and 1.8 m2, as in the table of limits.
