@@ -3,6 +3,8 @@
 import csv
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -269,6 +271,21 @@ def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_p
     assert run_command("sensitivity", case_file, *common, "--out", tmp_path / "b") == 0
     assert (tmp_path / "a/samples.parquet").read_bytes() == (tmp_path / "b/samples.parquet").read_bytes()
     capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_shards_of_a_patient_with_reflexes_and_drugs_merge_across_processes(tmp_path):
+    """The inputs held where a function lay in memory: no run of a patient with a reflex could go on."""
+    case = tmp_path / "regulated.toml"
+    heart = 'id = "R"\nsex = "male"\nage_years = 61\nheart_rate_bpm = 92\n'
+    answers = "[regulation]\nbaroreflex = 1.0\n[drugs]\nmilrinone = 0.3\n"
+    case.write_text(f"format = 1\n[patient]\n{heart}{answers}")
+    command = [sys.executable, "-m", "eclsim", "sensitivity", str(case), "--samples", "128", "--out"]
+    command += [str(tmp_path / "out"), "--parameters", "Rmc", "--outputs", "MAP", "--no-second-order"]
+    for shard in ("1/2", "2/2"):
+        done = subprocess.run([*command, "--no-figures", "--shard", shard], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert run_command("merge", tmp_path / "out") == 0
 
 
 @pytest.mark.parametrize(

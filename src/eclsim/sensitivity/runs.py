@@ -11,6 +11,7 @@ same design gives the same file, however it was interrupted, sharded or distribu
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -123,13 +124,17 @@ class SteadyBeatEvaluator:
         """Plain data that describe the runs."""
         return {
             "case": self.name,
-            "circuit": str(self.circuit).splitlines(),
+            "circuit": _ADDRESS.sub("", str(self.circuit)).splitlines(),
             "base": {k: float(v) for k, v in sorted(self.base.items())},
             "outputs": list(self.outputs),
             "blood_volume_policy": self.policy,
             "resolution": self.resolution,
             **digests_of_own_files(),
         }
+
+
+_ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]+")
+"""Place in memory of a function, such as that of a reflex: another one in every process."""
 
 
 def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
