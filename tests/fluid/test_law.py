@@ -129,6 +129,13 @@ def test_constricted_arterioles_lower_the_pressure_of_capillaries():
     assert tight < wide
 
 
+def test_venules_that_follow_keep_their_share_of_the_pressure():
+    before = capillary_pressure(np.array(60.0), np.array(5.0), np.array(1.0))
+    alike = capillary_pressure(np.array(90.0), np.array(5.0), np.array(1.8), np.array(1.8))
+    assert before == pytest.approx(5.0 + 0.15 * 55.0)
+    assert alike == pytest.approx(5.0 + 0.15 * 85.0)
+
+
 def test_forces_are_none_at_the_start_and_drive_what_crosses(spaces):
     np.testing.assert_array_equal(np.array(forces(spaces, spaces, np.zeros(1))), 0.0)
     now = spaces._replace(plasma=spaces.plasma - 200.0, interstitium=spaces.interstitium - 500.0)

@@ -56,6 +56,11 @@ def heart_rate_on_drugs(rate_bpm: float, doses: Mapping[str, float], response: f
 # --- wash-in and wash-out: the dose in effect follows the pump with each drug's half-life ------------
 
 
+def dose_in_effect(drug: str) -> str:
+    """Name of the slow state of a drug's dose in effect."""
+    return f"{dose(drug)}_in_effect"
+
+
 @dataclass(frozen=True)
 class InfusedDoses(SlowLaw):
     """Dose in effect of each drug, one state each: d(dose)/dt = (pump - dose) ln 2 / half-life.
@@ -74,7 +79,7 @@ class InfusedDoses(SlowLaw):
         """Dose in effect of each drug."""
         return tuple(
             SlowState(
-                f"{dose(d.name)}_in_effect",
+                dose_in_effect(d.name),
                 DRUG_DOSES[d.name].unit,
                 f"{d.name} in effect",
                 0.1 * d.half_dose,

@@ -9,6 +9,8 @@ import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.drugs.law import Drug, Effects
+from eclsim.drugs.published import PUBLISHED, dose_in_effect
 from eclsim.fluid.starling import (
     ALBUMIN_EQUIVALENT,
     EXCLUDED_SHARE,
@@ -26,16 +28,25 @@ from eclsim.parameters.fluid import (
     INTERSTITIUM_TO_BLOOD,
     PERICAPILLARY,
     SECTION,
+    VENULES,
 )
 from eclsim.parameters.physiology import UPPER_SHARE
-from eclsim.parameters.regulation import BEDS, EXTRA_VOLUME, local_factor, local_resistance
+from eclsim.parameters.regulation import (
+    BEDS,
+    DRUGS,
+    EXTRA_VOLUME,
+    dose,
+    local_factor,
+    local_resistance,
+    sensitivity,
+)
 from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 CONCENTRATE_HAEMATOCRIT = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
 ALBUMIN_G_ML = 0.05 * ALBUMIN_EQUIVALENT
 """Plasma protein equivalent in oncotic effect to 5 g/dL of infused albumin [g/mL]."""
-_TONE = "systemic_resistance_factor"
+_TONE, _SYSTEMIC = "systemic_resistance_factor", Effects._fields.index("systemic_resistance")
 _CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
 _MINUTE, _HOUR = 60.0, 3600.0
 
@@ -53,6 +64,8 @@ PERICAPILLARY_PROTEIN = SlowState(
     _key_of("pericapillary_protein_g"), "g", "protein in the fluid around the capillaries", 1.0, True
 )
 """Pericapillary interstitial protein; a state if that layer has its own concentration."""
+DRUG_TONE = SlowState(_key_of("drug_tone_at_start"), "1", "effect of drugs on resistance at the start", 0.1)
+"""Factor by which drugs multiplied the resistance at the start; a state where drugs can be given."""
 STATES = (
     SlowState(PLASMA, "mL", "plasma volume", 10.0, True),
     SlowState(RED_CELLS, "mL", "volume of red cells", 10.0, True),
@@ -94,6 +107,8 @@ class FluidLaw(SlowLaw):
         haematocrits: parameters that change together with `fluid.haematocrit`.
         gas: whether haemoglobin changes with it as well.
         has_pericapillary_layer: whether the pericapillary interstitium has its own concentration.
+        drugs: drugs that can be given; venules follow their effect on resistance by `fluid.venular_tone`,
+            and reflexes not at all.
     """
 
     arterial: str = "MAP"
@@ -103,10 +118,12 @@ class FluidLaw(SlowLaw):
     haematocrits: tuple[str, ...] = ()
     gas: bool = False
     has_pericapillary_layer: bool = False
+    drugs: tuple[Drug, ...] = ()
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
-        return (*STATES, PERICAPILLARY_PROTEIN) if self.has_pericapillary_layer else STATES
+        layer = (PERICAPILLARY_PROTEIN,) if self.has_pericapillary_layer else ()
+        return (*STATES, *layer, *((DRUG_TONE,) if self.drugs else ()))
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
@@ -120,12 +137,14 @@ class FluidLaw(SlowLaw):
         rest, zero = _rest(settings), np.zeros_like(settings[BLOOD_VOLUME])
         _, cells = blood_at_start(settings)
         tone = self._resistance(settings, beat)
+        doses = {drug.name: settings[dose(drug.name)] for drug in self.drugs}
         return {
             PLASMA: rest.plasma, RED_CELLS: cells, INTERSTITIUM: rest.interstitium,
             PROTEIN: rest.plasma_protein, INTERSTITIAL_PROTEIN: rest.interstitial_protein,
             **dict.fromkeys((GIVEN, REMOVED, REFILLED, RED_CELLS_GIVEN, PROTEIN_GIVEN), zero),
             CAPILLARY: self._capillary(settings, beat, np.ones_like(zero)), ARTERIOLES: tone,
             **self._pericapillary(settings[PERICAPILLARY] * rest.interstitial_protein),
+            **self._drug_tone_at_start(self._drug_tone(doses, settings)),
         }  # fmt: skip
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
@@ -157,6 +176,7 @@ class FluidLaw(SlowLaw):
             REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, RED_CELLS_GIVEN: cells,
             PROTEIN_GIVEN: protein, CAPILLARY: zero, ARTERIOLES: zero,
             **self._pericapillary(open_wall * crossed.pericapillary_protein),
+            **self._drug_tone_at_start(zero),
         }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
@@ -189,7 +209,27 @@ class FluidLaw(SlowLaw):
             ),
         )  # fmt: skip
         tone = self._resistance(settings, beat) / states[ARTERIOLES]
-        return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
+        venules = self._venules(states, settings)
+        return now, rest, self._capillary(settings, beat, tone, venules) - states[CAPILLARY]
+
+    def _venules(self, states: Named, settings: Named) -> np.ndarray | float:
+        """Resistance of the venules relative to the start."""
+        if not self.drugs:
+            return 1.0
+        doses = {drug.name: states[dose_in_effect(drug.name)] for drug in self.drugs}
+        return (self._drug_tone(doses, settings) / states[DRUG_TONE.name]) ** settings[VENULES]
+
+    def _drug_tone(self, doses: Named, settings: Named) -> np.ndarray:
+        """Factor by which drugs multiply the systemic resistance."""
+        effects = (
+            drug.effects(doses[drug.name] * settings[sensitivity(drug.name)])[_SYSTEMIC]
+            for drug in self.drugs
+        )
+        return np.exp(sum(map(np.asarray, effects), np.zeros_like(settings[BLOOD_VOLUME])))
+
+    def _drug_tone_at_start(self, tone: np.ndarray) -> Named:
+        """Effect of drugs at the start, or its rate of change, if it is a state."""
+        return {DRUG_TONE.name: tone} if self.drugs else {}
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
         """Resistance of the systemic microcirculation with reflex, drugs, settings and organs' gases."""
@@ -199,12 +239,14 @@ class FluidLaw(SlowLaw):
             own = [1.0 / (upper / own[0] + (1.0 - upper) / own[1])]
         return settings["Rmc"] * beat[_TONE] * (own[0] if own else 1.0)
 
-    def _capillary(self, settings: Named, beat: Named, tone: np.ndarray) -> np.ndarray:
+    def _capillary(
+        self, settings: Named, beat: Named, tone: np.ndarray, venules: np.ndarray | float = 1.0
+    ) -> np.ndarray:
         venous = beat[self.venous[0]]
         if len(self.venous) > 1:
             upper = settings[UPPER_SHARE]
             venous = upper * venous + (1.0 - upper) * beat[self.venous[1]]
-        return capillary_pressure(beat[self.arterial], venous, tone)
+        return capillary_pressure(beat[self.arterial], venous, tone, venules)
 
 
 def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> FluidLaw:
@@ -224,6 +266,7 @@ def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> F
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
         has_pericapillary_layer=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
+        drugs=tuple(PUBLISHED.values()) if any(name.startswith(f"{DRUGS}.") for name in names) else (),
     )
 
 

@@ -164,15 +164,19 @@ def interstitial_pressure(volume: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.minimum(linear, 0.0) - OEDEMA_MMHG * np.expm1(-over)
 
 
-def capillary_pressure(arterial: np.ndarray, venous: np.ndarray, tone: np.ndarray) -> np.ndarray:
+def capillary_pressure(
+    arterial: np.ndarray, venous: np.ndarray, tone: np.ndarray, venules: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Mean capillary pressure [mmHg].
 
     Args:
         arterial: mean arterial pressure [mmHg].
         venous: mean venous pressure [mmHg].
-        tone: resistance of the microcirculation relative to the start; arterioles account for the change.
+        tone: resistance of arterioles relative to the start.
+        venules: resistance of venules relative to the start.
     """
-    share = CAPILLARY_SHARE / ((1.0 - CAPILLARY_SHARE) * tone + CAPILLARY_SHARE)
+    behind = CAPILLARY_SHARE * venules
+    share = behind / ((1.0 - CAPILLARY_SHARE) * tone + behind)
     return venous + share * (arterial - venous)
 
 

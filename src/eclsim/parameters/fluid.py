@@ -17,6 +17,7 @@ INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
 """Ratio of normal interstitial to blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
 1966, bromide, abstract), here at a haematocrit of 0.45."""
 PERICAPILLARY, LYMPH_PUMP = f"{SECTION}.pericapillary_share", f"{SECTION}.lymph_pump"
+VENULES = f"{SECTION}.venular_tone"
 SOLUTES_FOLLOWED, CARBON_DIOXIDE_STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
 ACID, KIDNEY = f"{SOLUTES}.acid_generation_mmol_h", f"{SOLUTES}.kidney_clearance_ml_min"
 PARAMETERS = read_parameters(__file__)
@@ -28,7 +29,7 @@ STARTS = frozenset(
     for name in (
         "extra_volume_ml", "haematocrit", "reference_haematocrit", "plasma_protein_g_dl",
         "interstitial_protein_g_dl", "interstitial_volume_ml", "filtration_ml_min_mmHg", "reflection",
-        "lymph_ml_min", "pericapillary_share",
+        "lymph_ml_min", "pericapillary_share", "venular_tone",
     )
 ) | frozenset(
     f"{SOLUTES}.{name}"

@@ -22,6 +22,7 @@ from eclsim.validation import (
     regulation,
     robustness,
     solvers,
+    vasopressors,
     ventilation,
 )
 from eclsim.validation.robustness import Effort
@@ -50,6 +51,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
         refill.refill_check(),
         refill.pericapillary_check(),
         refill.protein_check(),
+        vasopressors.vasopressors_check(),
     ],
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
