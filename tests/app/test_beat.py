@@ -18,7 +18,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import CAUTION, marks
 from eclsim.parameters.adult_ranges import adult_ranges
-from eclsim.simulation.single import simulate
+from eclsim.simulation.single import simulate, simulate_many
 from patience import until
 from shock_patient import SHOCK
 
@@ -211,6 +211,10 @@ def test_blood_that_stands_still_has_no_gases_on_the_page():
     result = simulate(case)
     assert "SO2" in result["Psvn"].attrs
     assert "SO2" not in result["Ppas"].attrs, "nor in figures"
+    assert np.isnan(float(result["SvO2"])), "100 % stood in terminal, tables and files"
+    many = simulate_many(case, {"Rmc": [0.5, 0.9]}, ["SvO2"])
+    assert np.isnan(many["SvO2"]).all()
+    assert "pulmonary_flow" not in many
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from eclsim.orbit.model import values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible, marks
-from eclsim.outputs.gas import OF_LUNG_FLOW, PlaceGases, recirculation
+from eclsim.outputs.gas import PlaceGases, of_moving_blood, recirculation
 from eclsim.outputs.limits import place_levels
 from eclsim.outputs.second_beat import caution_of_two, flows_in_words, second_beat
 from eclsim.outputs.signals import unstressed_volume
@@ -170,7 +170,7 @@ def beat_of(
         from eclsim.course.trapped import beat_with_blood_of
 
         solved = beat_with_blood_of(solved, blood)
-    outputs = solved.outputs()
+    outputs = of_moving_blood(solved.outputs())
     if solved.converged[0]:
         fixed = circuit.with_chosen_sites(values)
         flows = {c.name: float(solved.mean("Q" + c.name)[0]) for c in fixed.connections}
@@ -245,7 +245,7 @@ def plain(
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
-        "means": finite(beat.means, digits=6), "outputs": finite(_of_moving_blood(beat), digits=6),
+        "means": finite(beat.means, digits=6), "outputs": finite(beat.outputs, digits=6),
         "notes": [[f.kind, _said(f)] for f in beat.findings], "brief": brief_findings(beat.findings, figures),
         "cautions": _cautions(beat.findings), "levels": beat.levels(), "places": beat.place_levels(),
         "possible": beat.possible, "converged": beat.converged, "transient": beat.transient,
@@ -253,13 +253,6 @@ def plain(
         "apart": _apart(beat.outputs), "gas": _plain_gases(beat),
         "status": beat.status.word, "message": with_minus(in_knob_labels(beat.message)),
     }  # fmt: skip
-
-
-def _of_moving_blood(beat: Beat) -> dict[str, float]:
-    """Return the outputs, without gases of mixed venous blood that stands still."""
-    if beat.gases is None or "pas" not in beat.gases.standing:
-        return dict(beat.outputs)
-    return {**beat.outputs, **dict.fromkeys(beat.outputs.keys() & set(OF_LUNG_FLOW), math.nan)}
 
 
 def _apart(outputs: Mapping[str, float]) -> list[str]:

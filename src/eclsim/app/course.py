@@ -32,7 +32,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
 from eclsim.course.alarms import clock_time, finding_after_arrest
 from eclsim.course.drug import drug_in_words
-from eclsim.course.result import drawn_values, impossible_moments
+from eclsim.course.result import impossible_moments
 from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.devices.registry import own_files
@@ -383,7 +383,7 @@ _OUTPUTS = (
 def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     """Return the curves that can be drawn for a course; drugs are included if they have any effect."""
     rows = [
-        Lane(one.output, one.label, one.unit, one.digits, drawn_values(result, one.output), not one.unlike)
+        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), not one.unlike)
         for one in figures_of(case)
         if one.output in result
     ]

@@ -44,7 +44,7 @@ from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import Finding, findings
-from eclsim.outputs.gas import artery_of
+from eclsim.outputs.gas import artery_of, of_moving_blood
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import computed, output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
@@ -539,7 +539,8 @@ class BeatMarch:
             beat_findings.append(
                 findings(now, ranges, self.circuit.with_chosen_sites(beat.values), beat.values)
             )
-        return {name: outputs[name] for name in self.names}, beat_findings
+        read = of_moving_blood(outputs)
+        return {name: read[name] for name in self.names}, beat_findings
 
     def dataset(
         self,

@@ -17,15 +17,14 @@ from eclsim.cases.fluid import DialysedDrug
 from eclsim.course.alarms import NO_PATIENT, clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (
-    drawn_values,
     impossible_moments,
+    lung_blood_stands,
     spans_in_words,
     undetermined_moments,
 )
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
-from eclsim.outputs.gas import OF_LUNG_FLOW
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting import style
 from eclsim.simulation.figures import draw_legend_above, legend_start
@@ -111,7 +110,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / minutes
     drawn = curves_of(result, panel)
     for index, (name, label) in enumerate(drawn):
-        _curve(ax, hours, drawn_values(result, name), label, index)
+        _curve(ax, hours, result[name].to_numpy().astype(float), label, index)
     low, high = ax.get_ylim()
     short = _NARROWEST.get(panel.unit, 0.1) - (high - low)
     if short > 0.0:
@@ -220,8 +219,7 @@ def _notes(result: xr.Dataset) -> list[str]:
             "gaps in the curves: valves stay shut, so that the case does not determine the number; fluid and "
             "blood go on with one possible beat"
         )
-    standing = [name for name in OF_LUNG_FLOW if name in result]
-    if any(np.isnan(drawn_values(result, n) - result[n].to_numpy()).any() for n in standing):
+    if lung_blood_stands(result):
         lines.append(
             "gaps in the curve of the pulmonary artery: its blood stands still and is not mixed venous"
         )

@@ -21,6 +21,7 @@ from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.gas import of_moving_blood
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
@@ -284,16 +285,16 @@ class _MomentSolver:
             execution=self.execution,
         )
         moments.status[chosen] = beat.status
-        for name in beat.names:
+        for name, computed in of_moving_blood({n: beat.output(n) for n in beat.names}).items():
             column = moments.values.setdefault(name, np.full(len(moments.time), np.nan))
-            column[chosen] = beat.output(name)
+            column[chosen] = computed
         for k, place in enumerate(chosen.tolist()):
             if not beat.converged[k]:
                 engine.messages[moments.member[place]] = beat.message(k)
                 continue
             found, at = self._with_known_blood(beat, k, place)
             if found is not beat:
-                for name, value in found.outputs(at).items():
+                for name, value in of_moving_blood(found.outputs(at)).items():
                     if name in moments.values:
                         moments.values[name][place] = value
             self._store(place, found, at)

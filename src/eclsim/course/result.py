@@ -20,7 +20,7 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import doubted_outputs
-from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
+from eclsim.outputs.gas import LUNG_FLOW, OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
 from eclsim.outputs.uncertainty import misses_of
@@ -155,21 +155,17 @@ def impossible_moments(result: xr.Dataset) -> np.ndarray:
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
-LUNG_FLOW = "pulmonary_flow"
-
-
 def undetermined_moments(result: xr.Dataset) -> np.ndarray:
     """Whether the beat of each moment of a course is one of many; what the case does not determine is NaN."""
     known = result["status"].to_numpy() if "status" in result else np.zeros(result.sizes[TIME], str)
     return known == Status.ONE_OF_MANY.word
 
 
-def drawn_values(result: xr.Dataset, name: str) -> np.ndarray:
-    """Values of an output to draw: NaN while it is of blood in the pulmonary artery that stands still."""
-    values = result[name].to_numpy().astype(float)
-    if name not in OF_LUNG_FLOW or LUNG_FLOW not in result:
-        return values
-    return np.where(np.abs(result[LUNG_FLOW].to_numpy()) < STANDING_L_MIN, np.nan, values)
+def lung_blood_stands(result: xr.Dataset) -> bool:
+    """Whether blood in the pulmonary artery stands still at some moment, so that its gases are NaN."""
+    if LUNG_FLOW not in result or not {*OF_LUNG_FLOW} & {*result.data_vars}:
+        return False
+    return bool((np.abs(result[LUNG_FLOW].to_numpy()) < STANDING_L_MIN).any())
 
 
 def undetermined_in_words(minute: np.ndarray, undetermined: np.ndarray) -> str:

@@ -10,7 +10,7 @@ the patient counts as fresh; if it is in the patient, blood that has passed the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -33,6 +33,7 @@ STANDING_L_MIN = 1e-3
 """Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 OF_LUNG_FLOW = ("SvO2", "PvO2")
 """Gases of mixed venous blood, which have no meaning where no blood flows through the lungs."""
+LUNG_FLOW = "pulmonary_flow"
 ARTERY = ("upper", "sart")
 """Compartment of the right radial artery: the first of these that a circuit has."""
 
@@ -41,6 +42,21 @@ def artery_of(circuit: Circuit) -> str:
     """Compartment whose blood is analysed as arterial."""
     names = [c.name for c in circuit.compartments]
     return next(name for name in ARTERY if name in names)
+
+
+def of_moving_blood(outputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Outputs with NaN for the gases of mixed venous blood where none flows.
+
+    What the search leaves there has no meaning, such as 100 % in an arrest on veno-arterial ECMO.
+
+    Args:
+        outputs: numbers by name; unchanged if the flow through the lungs is not among them.
+    """
+    if LUNG_FLOW not in outputs:
+        return dict(outputs)
+    stands = np.abs(outputs[LUNG_FLOW]) < STANDING_L_MIN
+    lost = {n: np.where(stands, np.nan, outputs[n])[()] for n in OF_LUNG_FLOW if n in outputs}
+    return {**outputs, **lost}
 
 
 def _sum(m: BeatMeasures, gas: str, law: str) -> Numbers:

@@ -38,7 +38,7 @@ from eclsim.outputs.alarms import (
     marks,
     sentences,
 )
-from eclsim.outputs.gas import recirculation
+from eclsim.outputs.gas import LUNG_FLOW, OF_LUNG_FLOW, of_moving_blood, recirculation
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.ranges import out_of_range
 from eclsim.outputs.registry import computed, leading_outputs, output
@@ -104,7 +104,7 @@ def labelled(
         gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     outputs, result = beat.outputs(member), gravest_first([*beat.findings(member), *further])
-    data |= {n: variable((), v, **output_labels(n)) for n, v in outputs.items()}
+    data |= {n: variable((), v, **output_labels(n)) for n, v in of_moving_blood(outputs).items()}
     doubted = doubted_outputs(result)
     for concerned, kind in marks(result, outputs, beat.batch.all_values_of(member)).items():
         if concerned in data:
@@ -152,10 +152,14 @@ def simulate_many(
     batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
     watched = watched_waveforms(model.circuit)
-    beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
+    computed = outputs
+    if outputs is not None and {*OF_LUNG_FLOW} & {*outputs}:
+        computed = list(dict.fromkeys([*outputs, LUNG_FLOW]))
+    beat = steady_beat(batch, computed, waveforms=watched, options=options, start=start, execution=execution)
     member_findings = [beat.findings(k) for k in range(count)]
     beyond = out_of_range(model.circuit, changes, count)
-    data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
+    read = of_moving_blood({n: beat.output(n) for n in beat.names})
+    data: dict[str, Any] = {n: ("member", read[n], output_labels(n)) for n in outputs or beat.names}
     texts = {
         "status": [Status(int(status)).word for status in beat.status],
         "message": [beat.message(k) for k in range(count)],
