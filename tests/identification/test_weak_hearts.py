@@ -30,3 +30,19 @@ def test_a_fitted_heart_that_softens_as_it_contracts_is_doubted():
     sentences = [reason.sentence for reason in found.verdict.doubts]
     assert any(s.startswith("the left ventricle is too weak for the 233 mL in it") for s in sentences)
     assert any("fit another patient, too: Emaxlv 0.4" in s for s in sentences)
+
+
+@pytest.mark.slow
+def test_a_fitted_atrium_that_is_stiffer_at_rest_than_in_contraction_is_said():
+    """Only its case file, opened again, said so before."""
+    case = with_values(read_mapping(SHOCK).case, {"Emaxlv": 1.0, "Edla": 1.2})
+    beat = simulate(model_of(case))
+    values = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")}
+    started = with_values(case, {"Edla": 1.0})
+    measured = started.model_copy(update={"measurements": Measurements(**values)})
+    settings = FitSettings(("Rmc", "Edla"), weights="uncertainty", multi_start=MultiStart.quick(40))
+    found = fit_case(measured, settings=settings)
+    said = [reason.sentence for reason in found.verdict.reasons]
+    assert found.parameters["Edla"].value > 0.45
+    assert any("the left atrium is stiffer at rest than in contraction" in sentence for sentence in said)
+    assert not any("the left atrium is stiffer" in reason.sentence for reason in found.verdict.doubts)

@@ -221,16 +221,10 @@ def _warn_without_effect(values: Mapping[str, float], connected: Mapping[str, Ra
 
 
 def _check_atria(values: Mapping[str, float], remarks: Remarks) -> None:
-    """Warn of an atrium that is stiffer at rest than in contraction: it fills when it should empty."""
-    for side, side_name in (("la", "left"), ("ra", "right")):
-        names = (f"Ed{side}", f"Emax{side}")
-        resting, most = (values.get(name, thiel2025.PARAMETERS[name].value) for name in names)
-        if resting > most and any(name in values for name in names):
-            stated = names[0] if names[0] in values else names[1]
-            message = (
-                f"{names[0]} = {resting:g} is above {names[1]} = {most:g} mmHg/mL: the {side_name} atrium is "
-                "stiffer at rest than in contraction, so it fills when it should empty"
-            )
+    """Warn of an atrium that is stiffer at rest than in contraction, if the case states one of the two."""
+    for resting, message in thiel2025.stiff_atria(values).items():
+        stated = next((key for key in (resting, f"Emax{resting[2:]}") if key in values), None)
+        if stated is not None:
             remarks.warning(f"parameters.{stated}", message, shown(values[stated]))
 
 

@@ -82,6 +82,7 @@ from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, model_of
 from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
+from eclsim.parameters.thiel2025 import stiff_atria
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 
 if TYPE_CHECKING:
@@ -439,7 +440,9 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     reasons += held_reasons + consumption + _held_that_would_help(result)
     reasons += nothing_identifiable(result.parameters)
     reasons += undetermined_reasons(result.intervals, result.simulated, result.named_as_undetermined)
-    for about, sentence in remarks_on_assumptions(result.case, result.measured, result.parameters).items():
+    of_atria = {key: text for key, text in stiff_atria(model.values).items() if key in result.box.names}
+    assumed = remarks_on_assumptions(result.case, result.measured, result.parameters)
+    for about, sentence in {**of_atria, **assumed}.items():
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, about, sentence))
     warnings = tuple(beat.attrs["warnings"])
     if FIRST in result.intervals and not result.intervals[FIRST].determined:

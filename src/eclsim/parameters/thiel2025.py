@@ -19,7 +19,7 @@ times the start value) and for disease, narrow enough to catch a value in anothe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -70,3 +70,20 @@ TABLE_S4: MappingProxyType[str, float] = MappingProxyType(
     }
 )
 """Fitted values of the patient in whom the paper compares the CRRT connection schemes."""
+
+
+def stiff_atria(values: Mapping[str, float]) -> dict[str, str]:
+    """Sentences on atria that are stiffer at rest than in contraction, by the key of their resting elastance.
+
+    Args:
+        values: values by key; those left out are the published ones.
+    """
+    result = {}
+    for side, name in (("la", "left"), ("ra", "right")):
+        resting, most = (values.get(key, PARAMETERS[key].value) for key in (f"Ed{side}", f"Emax{side}"))
+        if resting > most:
+            result[f"Ed{side}"] = (
+                f"Ed{side} = {resting:g} is above Emax{side} = {most:g} mmHg/mL: the {name} atrium is "
+                "stiffer at rest than in contraction, so it fills when it should empty"
+            )
+    return result
