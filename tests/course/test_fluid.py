@@ -6,6 +6,7 @@ import pytest
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
+from eclsim.course.drug_remarks import remarks_on_drugs
 from eclsim.course.fluid_remarks import remarks_on_fluids, remarks_on_protein
 from eclsim.course.timeline import Timeline
 from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PLASMA, PROTEIN, REMOVED
@@ -389,3 +390,22 @@ def test_plasma_that_is_lost_after_the_last_removal_is_remarked_on():
     untouched = states | {REMOVED: np.zeros(5)}
     for quiet in (early, filled, untouched):
         assert remarks_on_protein(minutes[: len(quiet[PROTEIN])], quiet) == []
+
+
+@pytest.mark.parametrize(
+    ("sections", "to", "said"),
+    [
+        ({"drugs": {"levosimendan": 0.1}}, {"drugs.levosimendan": 0.0}, "a metabolite with a half-life"),
+        ({"drugs": {"levosimendan": 0.05}}, {"drugs.levosimendan": 0.1}, ""),
+        ({"drugs": {"milrinone": 0.3}, "solutes": {}}, {}, "milrinone leaves through the kidneys"),
+        ({"drugs": {"milrinone": 0.3}, "solutes": {"kidney_clearance_ml_min": 60}}, {}, ""),
+        ({"drugs": {"milrinone": 0.3}}, {}, ""),
+    ],
+)
+def test_drugs_that_stay_longer_in_patients_are_said(sections, to, said):
+    """Only the documentation said so: CO fell within hours of the end of levosimendan, silently."""
+    patient = {"id": "x", "sex": "male", "age_years": 60, "heart_rate_bpm": 80}
+    events = [{"at_min": 5, "set": to}] if to else []
+    case = read_mapping({"format": 1, "patient": patient, **sections, "events": events}).case
+    remarks = remarks_on_drugs(Timeline(case, 600.0))
+    assert [said in remark for remark in remarks] == ([True] if said else [])

@@ -11,6 +11,7 @@ import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import Alarm, after_arrest, clock_time
+from eclsim.course.drug_remarks import remarks_on_drugs
 from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
@@ -77,7 +78,8 @@ def attributes_of(
     among `warnings`. `balance` is empty if the course did not begin. `case_values` are parameters that differ
     from those of the case, such as those of a draw.
     """
-    cautions = [*remarks_on_fluids(timeline), *remarks] if balance else []  # none if the course did not begin
+    of_course = [*remarks_on_fluids(timeline), *remarks_on_drugs(timeline), *remarks]
+    cautions = of_course if balance else []  # none if the course did not begin
     return {
         **ORIGIN,
         "id": timeline.case.patient.id,
