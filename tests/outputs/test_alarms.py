@@ -1,5 +1,6 @@
 import pytest
 
+from eclsim.cases.reading import read_mapping
 from eclsim.devices.crrt import CRRT, crrt
 from eclsim.devices.description import Limit
 from eclsim.devices.ecmo import ecmo
@@ -8,6 +9,7 @@ from eclsim.devices.vent import VENT, Vent
 from eclsim.outputs.alarms import assumptions, breach, findings, impossible, watched_signals
 from eclsim.outputs.cautions import cautions
 from eclsim.patient.circulation import circulation
+from eclsim.simulation.single import simulate
 
 LIMITS = {
     "access alarm below -250": ({"crrt_access_pressure": -260.0}, "alarm"),
@@ -452,3 +454,22 @@ def test_a_value_is_told_apart_from_the_limit_that_it_breaks(value, said):
     """A PCO2 of 29.97 mmHg was said to be 30.0 mmHg and below 30 mmHg."""
     limit = Limit("PaCO2", "alarm", "below", 30.0, "brain", "source")
     assert breach(limit, value, "PCO2", "mmHg").sentence.startswith(f"PCO2 {said} mmHg is below 30 mmHg: ")
+
+
+@pytest.mark.parametrize("regional", [False, True])
+def test_veins_that_give_blood_below_zero_pressure_are_said(regional):
+    """With soft veins and a reflex V-A ECMO held flow and pressure through a loss of 2 L, without a word."""
+    patient = {"id": "x", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+    cannulae = {"drainage_site": "ra", "return_site": "lower"} if regional else {"mode": "VA"}
+    ecmo = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "speed_rpm": 3500, **cannulae}
+    raw = {
+        "format": 1, "patient": patient, "ecmo": ecmo, "parameters": {"Csvn": 95, "P0svn": 7, "Emaxlv": 0.6},
+        "physiology": {"collapsible_veins": True, "regional": regional},
+        "regulation": {"model": "heldt2010", "baroreflex": 1.0},
+    }  # fmt: skip
+    usual, bled = (
+        simulate(read_mapping({**raw, "fluid": {"extra_volume_ml": ml}}).case).attrs["warnings"]
+        for ml in (0.0, -2000.0)
+    )
+    assert not any("veins behind the vena cava" in sentence for sentence in usual)
+    assert any("veins behind the vena cava" in sentence for sentence in bled)

@@ -15,6 +15,7 @@ from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import HEART_RATE, limits_of
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
+from eclsim.parameters.physiology import CAVAL_SHARE
 from eclsim.patient.anthropometry import AGE, SIZE, body_surface, greatest_heart_rate
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
@@ -52,6 +53,9 @@ PERICARDIAL_SHARE = 0.4
 """Share of the right atrial pressure from which so much of it is the pericardium's that it misleads."""
 EQUAL_FILLING_MMHG = 4.0
 """Difference of right atrial and wedge pressure up to which the two sides count as filled alike [mmHg]."""
+NOTABLE_BLOOD_ML = 100.0
+"""Blood that veins give below zero pressure from which flows and pressures are held up noticeably."""
+_VEINS = ("venous_pressure", "superior_caval_pressure", "inferior_caval_pressure")
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
 _AT_TEMPERATURE = ("PaCO2", "PaO2", "pHa", "PaCO2_lower", "PaO2_lower", "PpostO2", "PpostCO2", "PvO2")
@@ -101,7 +105,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     result += _unanswered_gases(outputs, values)
     result += _carbon_dioxide(outputs, values) + _at_another_temperature(outputs, values)
     result += _more_than_of_this_size(outputs, values) + _far_from_resting_rate(outputs, values)
-    result += _constraining_pericardium(outputs)
+    result += _constraining_pericardium(outputs) + _veins_below_zero(outputs, values)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
@@ -377,6 +381,27 @@ def _constraining_pericardium(outputs: Mapping[str, float]) -> list[Finding]:
         n for n in ("CVP", *names, "left_atrial_pressure", "end_diastolic_pressure_lv") if n in outputs
     ]
     return [Finding.without_limit(CAUTION, names[0], pericardial, text, *concerns)]
+
+
+def _veins_below_zero(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution where veins behind a collapsible vena cava give blood below zero pressure."""
+    pressures = [outputs[name] for name in _VEINS if name in outputs]
+    compliance = values.get("Csvn", 0.0) * (1.0 - values.get(CAVAL_SHARE, 1.0))
+    if "venous_pressure" not in outputs and len(pressures) == 2:
+        shares = (values["svc_vessel_share"], 1.0 - values["svc_vessel_share"])
+    else:
+        shares = (1.0,)
+    given = compliance * sum(s * max(-p, 0.0) for s, p in zip(shares, pressures, strict=False))
+    if not given > NOTABLE_BLOOD_ML:
+        return []
+    text = (
+        f"veins behind the vena cava are at {min(pressures):.1f} mmHg and hold {given:.0f} mL less than at "
+        "zero: a patient's veins collapse and give no more, these never do. Pump flow and arterial pressure "
+        "are too high, and suction comes later than in a patient"
+    )
+    names = ("PF", "MAP", "CO", "systemic_flow", "drainage_pressure", "lowest_drainage_pressure")
+    concerns = [name for name in names if name in outputs]
+    return [Finding.without_limit(CAUTION, concerns[0], given, text, *concerns)]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
