@@ -460,7 +460,7 @@ def test_a_value_is_told_apart_from_the_limit_that_it_breaks(value, said):
 def test_veins_that_give_blood_below_zero_pressure_are_said(regional):
     """With soft veins and a reflex V-A ECMO held flow and pressure through a loss of 2 L, without a word."""
     patient = {"id": "x", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
-    cannulae = {"drainage_site": "ra", "return_site": "lower"} if regional else {"mode": "VA"}
+    cannulae = {"mode": "VA"} | ({"return_site": "lower"} if regional else {})
     ecmo = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "speed_rpm": 3500, **cannulae}
     raw = {
         "format": 1, "patient": patient, "ecmo": ecmo, "parameters": {"Csvn": 95, "P0svn": 7, "Emaxlv": 0.6},
