@@ -54,7 +54,7 @@ class Fluid(Section):
     lymph_ml_min: float = 5.6
     lymph_pump: float = 1.0
     pericapillary_share: float = 1.0
-    venular_tone: float = 1.0
+    venular_tone: float = 0.0
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
