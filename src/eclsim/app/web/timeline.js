@@ -30,7 +30,7 @@ export default {
   template: `
   <section class="ecl-timeline" :aria-label="texts.timeline">
     <div class="bar">
-      <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
+      <button type="button" class="toggle" ref="toggle" :aria-expanded="isOpen" @click="toggle">{{
         isOpen ? texts.timeline_close : openLabel }}</button>
       <template v-if="isOpen">
         <button type="button" class="play" :disabled="!course || !connected"
@@ -348,6 +348,8 @@ export default {
       this.busy = this.isOpen;
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
       this.keepPlace();
+      // The monitor above is now lower: on a phone the button would be out of sight.
+      this.$nextTick(() => this.$refs.toggle.scrollIntoView({ block: "nearest" }));
     },
     // A saved minute of a course of that length.
     follow(minute, length) {
