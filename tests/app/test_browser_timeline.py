@@ -335,3 +335,14 @@ def test_what_has_the_focus_in_the_open_timeline_is_not_covered(open_page, shots
             eventually(lambda: page.evaluate(COVERED) == "" or pytest.fail(page.evaluate(COVERED)))
             if page.locator(".ecl-timeline .chart:focus").count():
                 picture(page, shots, f"timeline_focus_{window[0]}_{key.lower()}")
+
+
+def test_a_length_that_is_already_chosen_is_not_waited_for(open_page):
+    """No course came, and "computing the course" stayed for ever."""
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    page.get_by_label(text("timeline_length")).dispatch_event("change")
+    expect(page.locator(".ecl-timeline .shown")).to_have_text(text("timeline_at", time="00:00"))
+    page.wait_for_timeout(300)
+    expect(page.locator(".ecl-timeline .shown")).to_have_text(text("timeline_at", time="00:00"))

@@ -362,6 +362,7 @@ export default {
       if (this.course) this.ask();
     },
     resize(length) {
+      if (length === this.length) return; // no other course would end the waiting
       this.stop();
       this.length = length;
       this.busy = true;
