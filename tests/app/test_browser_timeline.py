@@ -199,6 +199,7 @@ def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
     ):
         add(what, amount, minutes)
         expect(refused).to_contain_text(said)
+    assert refused.evaluate("one => one.nextElementSibling.matches('.new')")  # not under the waveforms
     picture(page, shots, "timeline_refused")
     expect(page.locator(".ecl-timeline ol li")).to_have_count(0)
     add("ecmo.speed_rpm", "3425,5", "7,5")

@@ -56,7 +56,6 @@ export default {
     <template v-if="isOpen">
       <p v-if="again" class="ahead" role="status">{{ beat ? again : ahead }}</p>
       <p v-if="paused" class="refused" role="alert">{{ paused }}</p>
-      <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
       <p v-if="counts.length" class="counts">{{ texts.timeline_alarms }}: <button v-for="c in counts"
@@ -84,6 +83,7 @@ export default {
         <div class="axis"><span v-for="t in ticks" :key="t" :style="{ left: 100 * t / length + '%' }">{{
           time(t) }}</span></div>
       </div>
+      <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <form class="new" @submit.prevent="add">
         <label>{{ texts.timeline_what }} <select v-model="what">
           <optgroup v-for="g in groups" :key="g.label" :label="g.label">
