@@ -82,6 +82,19 @@ def test_the_limit_of_case_files_that_the_page_names_is_the_one_that_holds():
     assert LARGEST_CASE_TEXT in text("open_text", case=LARGEST_CASE_TEXT, rows=1, size="")
 
 
+@pytest.mark.parametrize("key", ["paper", "vv-ecmo"])
+def test_a_turned_case_names_no_clamp_of_a_cannula_that_is_not_there(key):
+    state = PageState(turn(PRESETS[key].case(), "ecmo.speed_rpm", 3000))
+    name, content = export(state, "case")
+    assert b"second_return_clamp" not in content
+    assert parse_file(name, content).cases[0][1] == state.case
+    for clamp in (0.0, 0.5):
+        there = turn(turn(state.case, "ecmo.second_return_site", "pas"), "ecmo.second_return_clamp", clamp)
+        name, content = export(PageState(there), "case")
+        assert f"second_return_clamp = {clamp:g} ".encode() in content
+        assert parse_file(name, content).cases[0][1] == there
+
+
 def test_mistakes_name_the_file_as_the_user_knows_it():
     wrong = case_text(PRESETS["paper"].case()).replace("3425", "-5").encode()
     with pytest.raises(CaseError, match=r"^mine\.toml:\d+: ecmo\.speed_rpm"):
