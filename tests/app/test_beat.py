@@ -160,6 +160,23 @@ def test_alarms_of_no_table_mark_their_numbers_as_in_terminal_and_figures():
     assert {n: k for n, k in beat.levels().items() if k != "ok"} == graver
 
 
+@pytest.mark.parametrize(
+    ("preset", "turned", "said"),
+    [
+        ("vv-ecmo", {"ecmo.speed_rpm": 0}, "stands still"),
+        ("paper", {"ecmo.speed_rpm": 4800, "ecmo.drainage_fr": 29, "ecmo.return_fr": 23}, "is above 7 L/min"),
+    ],
+)
+def test_warnings_of_no_table_mark_the_flow_that_they_are_about(preset, turned, said):
+    """Those of a pump that stands still and of an oxygenator's label stood in the list alone."""
+    case = PRESETS[preset].case()
+    for key, value in turned.items():
+        case = turn(case, key, value)
+    beat = compute_beat(PageState(case))
+    assert any(said in finding.sentence for finding in beat.findings)
+    assert beat.levels()["PF"] == "warning"
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 def test_strip_tiles_and_schematic_agree(preset):
     beat = compute_beat(PageState(PRESETS[preset].case()))

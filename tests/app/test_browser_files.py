@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.app.files import LARGEST_CASE_TEXT
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text
@@ -41,6 +42,7 @@ def test_files_are_exported(open_page, kind, ending, holds):
 def test_files_are_opened_and_bad_ones_refused(open_page, tmp_path, shots):
     page = open_page("healthy")
     page.get_by_role("button", name="Open case").click()
+    page.get_by_text(f"A case file (TOML, up to {LARGEST_CASE_TEXT})").wait_for()
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(case_text(PRESETS["lvad"].case()).replace("80", "-80"))
     page.locator(".ecl-upload input[type=file]").set_input_files(wrong)

@@ -57,6 +57,8 @@ def test_a_posterior_is_opened_and_gives_bands_in_the_views(open_page, posterior
     show(page, "ramp")
     wait_for_bands(page, "ramp_bands")
     picture(page, shots, "bands_ramp")
+    show(page, "compare")  # it has no bands
+    expect(strip).to_have_count(0)
     show(page, "outputs")
     page.get_by_role("button", name=text("bands_hide")).click()
     page.locator(".ecl-outputs .band").first.wait_for(state="detached")

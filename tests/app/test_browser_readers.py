@@ -40,6 +40,7 @@ def test_key_figures_and_alarms_stay_in_sight_while_a_knob_is_turned(open_page, 
         expect(page.locator(".ecl-keys")).not_to_be_in_viewport()
         expect(strip.locator(".alarm").first).to_contain_text("▲")
         expect(strip.locator("p")).to_contain_text("Arterial")
+        expect(strip.locator("span", has_text="Wedge")).to_contain_text("† Wedge")
         covered, field = strip.bounding_box(), speed.bounding_box()
         assert covered["y"] + covered["height"] <= field["y"], "the strip lies over the knob"
         assert covered["height"] < 0.2 * viewport["height"]

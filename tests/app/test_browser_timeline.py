@@ -199,6 +199,7 @@ def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
     ):
         add(what, amount, minutes)
         expect(refused).to_contain_text(said)
+    assert refused.evaluate("one => one.nextElementSibling.matches('.new')")  # not under the waveforms
     picture(page, shots, "timeline_refused")
     expect(page.locator(".ecl-timeline ol li")).to_have_count(0)
     add("ecmo.speed_rpm", "3425,5", "7,5")
@@ -282,7 +283,7 @@ def test_what_is_pinned_saved_and_compared_at_a_later_minute_is_of_that_minute(o
     assert kept == pytest.approx([slow, slow], abs=0.01)
 
 
-WINDOWS = {"low": (1280, 800), "high": (1280, 1400), "tablet": (768, 1024), "phone": (390, 844)}
+WINDOWS = {"low": (1280, 800), "high": (1280, 1400), "tablet": (768, 1024)}
 IN_SIGHT = """() => {
   const box = (name) => document.querySelector(name)?.getBoundingClientRect();
   const [screen, form, notice] = ['.ecl-monitor .screen', '.ecl-timeline .new', '.ecl-notice'].map(box);
@@ -308,3 +309,41 @@ def test_an_event_is_chosen_with_the_waveforms_in_sight(open_page, shots, window
     page.locator(".ecl-timeline .new").evaluate("form => form.scrollIntoView({ block: 'end' })")
     picture(page, shots, f"timeline_in_sight_{window}")
     eventually(lambda: page.evaluate(IN_SIGHT) == [] or pytest.fail(str(page.evaluate(IN_SIGHT))))
+
+
+COVERED = """() => {
+  const focused = document.activeElement, { left, right, top, bottom } = focused.getBoundingClientRect();
+  const shown = [0.1, 0.5, 0.9].map((share) => {
+    const at = document.elementFromPoint((left + right) / 2, top + share * (bottom - top));
+    return !!at && (focused.contains(at) || at.contains(focused));
+  });
+  return shown.every(Boolean) ? '' : `${focused.className || focused.tagName} at ${top} to ${bottom}`;
+}"""
+"""What has the focus, if a part of it is covered or out of the window."""
+
+
+@pytest.mark.parametrize("window", [(390, 844), (700, 475), (1280, 720), (1400, 950)], ids=str)
+def test_what_has_the_focus_in_the_open_timeline_is_not_covered(open_page, shots, window):
+    """On a phone the waveforms lay over the chart and over the form of events."""
+    page = open_page("paper", viewport=dict(zip(("width", "height"), window, strict=True)))
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    timeline = page.locator(".ecl-timeline")
+    assert page.evaluate(COVERED) == ""  # the button that opened it
+    for key, last in (("Tab", ".new button"), ("Shift+Tab", ".toggle")):
+        while not timeline.locator(last).evaluate("one => one === document.activeElement"):
+            page.keyboard.press(key)
+            eventually(lambda: page.evaluate(COVERED) == "" or pytest.fail(page.evaluate(COVERED)))
+            if page.locator(".ecl-timeline .chart:focus").count():
+                picture(page, shots, f"timeline_focus_{window[0]}_{key.lower()}")
+
+
+def test_a_length_that_is_already_chosen_is_not_waited_for(open_page):
+    """No course came, and "computing the course" stayed for ever."""
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    page.get_by_label(text("timeline_length")).dispatch_event("change")
+    expect(page.locator(".ecl-timeline .shown")).to_have_text(text("timeline_at", time="00:00"))
+    page.wait_for_timeout(300)
+    expect(page.locator(".ecl-timeline .shown")).to_have_text(text("timeline_at", time="00:00"))

@@ -11,11 +11,21 @@ import eclsim
 from collapsing_veins import TWO_BEATS, collapsible
 from eclsim.app.beat import compute_beat
 from eclsim.app.course import compute_course, with_event
-from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, export, parse_file, shortened, with_speeds
+from eclsim.app.files import (
+    LARGEST_CASE_TEXT,
+    LARGEST_FILE,
+    MOST_LINES,
+    ExportError,
+    export,
+    parse_file,
+    shortened,
+    with_speeds,
+)
 from eclsim.app.knobs import connect, turn
 from eclsim.app.state import PageState, preset_state
+from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.reading import case_text
+from eclsim.cases.reading import MAXIMUM_BYTES, case_text
 from eclsim.course.engine import CourseOptions
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.files import file_stem
@@ -63,6 +73,26 @@ def test_what_cannot_be_used_says_why(name, content, message):
     with pytest.raises(CaseError, match=message) as refused:
         parse_file(name, content)
     assert "/tmp" not in str(refused.value)
+
+
+def test_the_limit_of_case_files_that_the_page_names_is_the_one_that_holds():
+    """The dialog promised 5 MB and refused a case of 3 MB."""
+    with pytest.raises(CaseError, match=f"at most {LARGEST_CASE_TEXT}"):
+        parse_file("large.toml", b"#" * (MAXIMUM_BYTES + 1))
+    assert LARGEST_CASE_TEXT in text("open_text", case=LARGEST_CASE_TEXT, rows=1, size="")
+
+
+@pytest.mark.parametrize("key", ["paper", "vv-ecmo"])
+def test_a_turned_case_names_no_clamp_of_a_cannula_that_is_not_there(key):
+    state = PageState(turn(PRESETS[key].case(), "ecmo.speed_rpm", 3000))
+    name, content = export(state, "case")
+    assert b"second_return_clamp" not in content
+    assert parse_file(name, content).cases[0][1] == state.case
+    for clamp in (0.0, 0.5):
+        there = turn(turn(state.case, "ecmo.second_return_site", "pas"), "ecmo.second_return_clamp", clamp)
+        name, content = export(PageState(there), "case")
+        assert f"second_return_clamp = {clamp:g} ".encode() in content
+        assert parse_file(name, content).cases[0][1] == there
 
 
 def test_mistakes_name_the_file_as_the_user_knows_it():

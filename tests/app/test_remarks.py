@@ -4,13 +4,15 @@ import asyncio
 
 import pytest
 
+from eclsim.app.course import with_event
 from eclsim.app.knobs import VOLUME, connect, knobs_of, turn
-from eclsim.app.remarks import remarks_of
+from eclsim.app.remarks import beside_knob, remarks_of
 from eclsim.app.session import Session
 from eclsim.app.state import PageState
 from eclsim.app.texts import beside_field
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
+from eclsim.inputs.mistakes import CaseError
 
 GIVEN = "fluid.extra_volume_ml"
 
@@ -69,3 +71,35 @@ def test_both_knobs_of_blood_volume_are_summed(start, given, words):
     case = turn(turn(connect(PRESETS["healthy"].case(), "fluid"), GIVEN, given), VOLUME, start)
     assert said(case).get(VOLUME) == (words and [("note", words)])
     assert said(PRESETS["healthy"].case()) == {}
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (("ao", "ra"), "right atrium: drains an artery into a vein: a shunt"),
+        (("post_pump", "post_pump"), "post pump: the same as “Access line at”: the filter cleans blood"),
+    ],
+)
+def test_sites_and_pickers_are_named_as_on_the_page(lines, words):
+    """Beside a list of "right atrium" and others stood "ra" in quotes, and access_site."""
+    case = PRESETS["paper"].case()
+    for key, site in zip(("access_site", "return_site"), lines, strict=True):
+        case = turn(case, f"crrt.{key}", site)
+    said_there = " ".join(words for _, words in said(case)["crrt.return_site"])
+    assert words in said_there
+    assert not any(sign in said_there for sign in '"_')
+
+
+def test_lines_the_wrong_way_round_are_advised_with_the_labels_of_their_pickers():
+    case = turn(PRESETS["vv-ecmo"].case(), "ecmo.drainage_site", "la")
+    ((_, words),) = said(case)["ecmo.return_site"]
+    assert "did you mean “Drained from” = right atrium and “Returned to” = left atrium" in words
+
+
+@pytest.mark.parametrize(("kind", "opposite"), [("bleed_ml", "Blood"), ("blood_ml", "Bleeding")])
+def test_a_negative_amount_is_advised_with_the_words_of_the_menu(kind, opposite):
+    case = PRESETS["healthy"].case()
+    with pytest.raises(CaseError) as refused:
+        with_event(case, {"at_min": 10, "give": {kind: -300}, "over_min": 15})
+    (mistake,) = refused.value.mistakes
+    assert beside_knob(mistake, case).endswith(f"did you mean “{opposite}” = 300?")

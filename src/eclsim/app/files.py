@@ -24,8 +24,9 @@ from eclsim.app.provenance import marked_id, measured_values, provenance
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
-from eclsim.cases.reading import case_text, read_case
+from eclsim.cases.reading import MAXIMUM_BYTES, case_text, read_case
 from eclsim.files import file_stems, write_json
+from eclsim.inputs.files import size_in_words
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import values_of
 
@@ -37,7 +38,8 @@ if TYPE_CHECKING:
     from eclsim.app.state import PageState
 
 LARGEST_FILE = 5_000_000
-LARGEST_FILE_TEXT = "5 MB"
+LARGEST_FILE_TEXT = size_in_words(LARGEST_FILE)
+LARGEST_CASE_TEXT = size_in_words(MAXIMUM_BYTES)
 MOST_LINES = 12
 MOST_ROWS = 2000
 MEMORY_BYTES = 1_500_000_000

@@ -11,8 +11,10 @@ from nicegui import events, ui
 
 from eclsim.app.files import (
     KINDS,
+    LARGEST_CASE_TEXT,
     LARGEST_FILE,
     LARGEST_FILE_TEXT,
+    MOST_ROWS,
     ExportError,
     OpenedFile,
     export,
@@ -91,7 +93,7 @@ class OpenDialog:
         self.opened: OpenedFile | None = None
         with labelled(ui.dialog(), text("open_title")) as self.dialog, ui.card().classes("ecl-dialog"):
             ui.label(text("open_title")).classes("ecl-dialog-title")
-            ui.label(text("open_text", size=LARGEST_FILE_TEXT))
+            ui.label(text("open_text", case=LARGEST_CASE_TEXT, rows=MOST_ROWS, size=LARGEST_FILE_TEXT))
             rejected = text("rejected", size=LARGEST_FILE_TEXT)
             upload = ui.upload(
                 label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,

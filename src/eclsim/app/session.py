@@ -26,7 +26,7 @@ from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.fit_remarks import with_remarks
 from eclsim.app.knobs import connect, connected, knobs_of, switchable, turn
 from eclsim.app.provenance import measured_values, provenance, title_of
-from eclsim.app.remarks import remarks_of
+from eclsim.app.remarks import beside_knob, remarks_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -40,7 +40,7 @@ from eclsim.app.state import (
     state_of,
     subject_of,
 )
-from eclsim.app.texts import beside_field, text
+from eclsim.app.texts import text
 from eclsim.cases.resolve import circuit_of
 from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -370,7 +370,7 @@ class Session:
         try:
             state = make()
         except CaseError as error:
-            messages = [beside_field(mistake) for mistake in error.mistakes]
+            messages = [beside_knob(mistake, self.state.case) for mistake in error.mistakes]
             self.send("error", {"key": key, "messages": messages, "seq": seq})
             return False
         self._change(state, key, seq)

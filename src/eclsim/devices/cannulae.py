@@ -19,6 +19,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
+from pydantic import SerializerFunctionWrapHandler, model_serializer
+
 from eclsim.devices.description import (
     CAUTION,
     Control,
@@ -239,6 +241,14 @@ class SecondCannulae(Section):
     second_return_clamp: Annotated[
         float, number("Clamp on the second return: 0 open, 1 closed", "", 0, 1, 0.5, required=False)
     ] = 0.0
+
+    @model_serializer(mode="wrap")
+    def _of_what_is_there(self, serialized: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out the open clamp of a second return cannula that is not there."""
+        written = serialized(self)
+        if self.second_return_site is None and self.second_return_clamp == 0.0:
+            written.pop("second_return_clamp", None)
+        return written
 
     def second_values(self) -> dict[str, float]:
         """Sizes and clamp of the second cannulae."""

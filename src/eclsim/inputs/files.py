@@ -51,7 +51,7 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
     except ValueError as error:
         raise file_error(file, f"not a path: {error}") from None
     if len(data) > most:
-        allowed = f"at most {_size(most)}" + (f"; {too_large}" if too_large else "")
+        allowed = f"at most {size_in_words(most)}" + (f"; {too_large}" if too_large else "")
         raise file_error(file, f"too large for {kind}", allowed)
     return data
 
@@ -137,5 +137,6 @@ def _refuse_other_kinds(mode: int, file: str, kind: str) -> None:
         raise file_error(file, f"{what}, not {kind}", "a regular file; save the data to one first")
 
 
-def _size(count: int) -> str:
+def size_in_words(count: int) -> str:
+    """Return a number of bytes as a rounded size, such as "200 kB"."""
     return f"{count // 1_000_000} MB" if count >= 1_000_000 else f"{count // 1000} kB"

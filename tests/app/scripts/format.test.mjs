@@ -134,11 +134,16 @@ test("neighbouring speeds are named by their ends", () => {
   assert.equal(speedsText([], all), "");
 });
 
-test("draws that are not in a band are counted by what they lack", () => {
-  const texts = { bands_lost: "{count} no beat", bands_impossible: "{count} impossible" };
-  assert.equal(leftOut(texts, { lost: 0, impossible: 0 }), "");
-  assert.equal(leftOut(texts, { lost: 3, impossible: 0 }), "3 no beat");
-  assert.equal(leftOut(texts, { lost: 3, impossible: 12 }), "3 no beat, 12 impossible");
+test("draws that are not in a band are counted by what they lack, of gases only where there are any", () => {
+  const texts = {
+    bands_left_out: "left out: {draws}",
+    bands_lost: "{count} no beat",
+    bands_lost_gases: "{count} no beat or gases",
+    bands_impossible: "{count} impossible",
+  };
+  assert.equal(leftOut(texts, { lost: 0, impossible: 0 }, true), "");
+  assert.equal(leftOut(texts, { lost: 3, impossible: 0 }, true), "left out: 3 no beat or gases");
+  assert.equal(leftOut(texts, { lost: 3, impossible: 12 }, false), "left out: 3 no beat, 12 impossible");
 });
 
 test("a number that is not determined is marked, whichever of several is meant", () => {

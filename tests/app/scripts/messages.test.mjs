@@ -85,3 +85,40 @@ test("no two curves have the same colour or dash", () => {
   const more = Array.from({ length: 40 }, (_, k) => Object.values(strokeOf(k, false)).join());
   assert.equal(new Set(more).size, 40); // RVAD flow was drawn as arterial pressure, a second ECMO's flow as PA
 });
+
+// Vision in linear RGB: normal, without red cones, without green ones (Machado et al. 2009).
+const VISIONS = [
+  [1, 0, 0, 0, 1, 0, 0, 0, 1],
+  [0.152, 1.053, -0.205, 0.115, 0.786, 0.099, -0.004, -0.048, 1.052],
+  [0.367, 0.861, -0.228, 0.28, 0.673, 0.047, -0.012, 0.043, 0.969],
+];
+const SRGB_TO_XYZ = [0.4339, 0.376, 0.19, 0.213, 0.715, 0.072, 0.018, 0.109, 0.873]; // white is 1, 1, 1
+const times = (matrix, v) => [0, 3, 6].map((r) => v.reduce((sum, x, k) => sum + matrix[r + k] * x, 0));
+const lab = (colour, vision) => {
+  const bytes = [1, 3, 5].map((k) => Number.parseInt(colour.slice(k, k + 2), 16) / 255);
+  const light = times(
+    vision,
+    bytes.map((b) => ((b + 0.055) / 1.055) ** 2.4),
+  );
+  const xyz = times(
+    SRGB_TO_XYZ,
+    light.map((c) => Math.max(c, 0)),
+  );
+  const [x, y, z] = xyz.map(Math.cbrt);
+  return [116 * y, 500 * (x - y), 200 * (y - z)];
+};
+const difference = (one, other, vision) =>
+  Math.hypot(...lab(one, vision).map((v, k) => v - lab(other, vision)[k]));
+
+test("flows of a ramp look unlike, also to the colour-blind, with two devices of a kind", () => {
+  const flows = [4, 5, 9, 14]; // output of the heart, of two devices, and of a second one of the last
+  for (const dark of [false, true]) {
+    const drawn = flows.map((number) => strokeOf(number, dark));
+    assert.equal(new Set(drawn.map(({ dash }) => dash)).size, flows.length);
+    for (const [k, { colour }] of drawn.entries())
+      for (const other of drawn.slice(k + 1)) {
+        const apart = VISIONS.map((vision) => difference(colour, other.colour, vision));
+        assert.ok(Math.min(...apart) > 15 && apart[0] > 30, `${colour} and ${other.colour}: ${apart}`);
+      }
+  }
+});

@@ -1,4 +1,4 @@
-// Explanation and reliability of the bands of the views; visible only if there is a posterior.
+// Explanation and reliability of the bands, in views that have any if there is a posterior.
 import { fill, leftOut, listening, timeOf } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
@@ -11,8 +11,8 @@ const summary = (bands) => {
 
 export default {
   template: `
-  <div v-if="posterior" class="ecl-bands" role="group" :aria-label="texts.bands_label">
-    <span v-if="topic" class="what">{{ what }}<b v-if="without" :class="{ bad: isThin }">{{
+  <div v-if="posterior && topic" class="ecl-bands" role="group" :aria-label="texts.bands_label">
+    <span class="what">{{ what }}<b v-if="without" :class="{ bad: isThin }">{{
       without }}</b></span>
     <span>{{ posterior.method }}</span>
     <span :class="['trust', { bad: !posterior.trusted }]" :title="posterior.doubts.join('; ')">{{
@@ -30,6 +30,7 @@ export default {
       beat(beat) {
         this.beat = beat.of;
         this.time = timeOf(beat);
+        this.gases = !!beat.gas;
       },
       bands(bands) {
         this.bands = summary(bands);
@@ -39,7 +40,16 @@ export default {
       },
     }),
   ],
-  data: () => ({ posterior: null, on: true, view: "", beat: "", time: "", bands: null, ramp_bands: null }),
+  data: () => ({
+    posterior: null,
+    on: true,
+    view: "",
+    beat: "",
+    time: "",
+    gases: false,
+    bands: null,
+    ramp_bands: null,
+  }),
   computed: {
     topic() {
       return TOPICS[this.view];
@@ -64,7 +74,7 @@ export default {
     without() {
       const bands = this[this.topic];
       const shown = this.on && bands?.of === this.beat && !(this.time && this.topic === "bands");
-      return shown && bands.count ? leftOut(this.texts, bands) : "";
+      return shown && bands.count ? leftOut(this.texts, bands, this.gases) : "";
     },
     isThin() {
       const { count, fewest } = this[this.topic];

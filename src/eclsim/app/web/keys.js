@@ -30,8 +30,9 @@ export default {
     </div>
   </dl>
   <div v-if="away" class="ecl-strip" ref="strip" aria-hidden="true">
-    <span v-for="k in brief" :key="k.key" :class="k.level"><small>{{ k.label }}</small> <b>{{
-      k.sign }} {{ k.value }}</b> <small>{{ k.unit }}</small></span>
+    <span v-for="k in brief" :key="k.key" :class="k.level" :title="k.hint"><small>{{
+      k.caution ? "† " : "" }}{{ k.label }}</small> <b>{{ k.sign }} {{ k.value }}</b> <small>{{
+      k.unit }}</small></span>
     <p v-if="cut || broken" :class="cut ? 'alarm cut' : gravest">{{ cut || broken }}</p>
   </div>
   </div>`,

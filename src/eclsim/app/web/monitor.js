@@ -161,6 +161,7 @@ export default {
     },
     resize(entry) {
       const { canvas } = this.$refs;
+      document.documentElement.style.setProperty("--monitor-height", `${this.$el.offsetHeight}px`);
       const box = canvas.getBoundingClientRect();
       const exact = entry?.devicePixelContentBoxSize?.[0];
       const density = window.devicePixelRatio || 1;

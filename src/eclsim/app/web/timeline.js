@@ -30,7 +30,7 @@ export default {
   template: `
   <section class="ecl-timeline" :aria-label="texts.timeline">
     <div class="bar">
-      <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
+      <button type="button" class="toggle" ref="toggle" :aria-expanded="isOpen" @click="toggle">{{
         isOpen ? texts.timeline_close : openLabel }}</button>
       <template v-if="isOpen">
         <button type="button" class="play" :disabled="!course || !connected"
@@ -56,7 +56,6 @@ export default {
     <template v-if="isOpen">
       <p v-if="again" class="ahead" role="status">{{ beat ? again : ahead }}</p>
       <p v-if="paused" class="refused" role="alert">{{ paused }}</p>
-      <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
       <p v-if="counts.length" class="counts">{{ texts.timeline_alarms }}: <button v-for="c in counts"
@@ -84,6 +83,7 @@ export default {
         <div class="axis"><span v-for="t in ticks" :key="t" :style="{ left: 100 * t / length + '%' }">{{
           time(t) }}</span></div>
       </div>
+      <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <form class="new" @submit.prevent="add">
         <label>{{ texts.timeline_what }} <select v-model="what">
           <optgroup v-for="g in groups" :key="g.label" :label="g.label">
@@ -348,6 +348,8 @@ export default {
       this.busy = this.isOpen;
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
       this.keepPlace();
+      // The monitor above is now lower: on a phone the button would be out of sight.
+      this.$nextTick(() => this.$refs.toggle.scrollIntoView({ block: "nearest" }));
     },
     // A saved minute of a course of that length.
     follow(minute, length) {
@@ -360,6 +362,7 @@ export default {
       if (this.course) this.ask();
     },
     resize(length) {
+      if (length === this.length) return; // no other course would end the waiting
       this.stop();
       this.length = length;
       this.busy = true;

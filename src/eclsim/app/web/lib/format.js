@@ -67,15 +67,17 @@ export function doubtOf(beat) {
   return beat?.second ? "one_of_two" : "";
 }
 
-// Numbers of posterior draws that are not in its bands, and the reasons.
-export const leftOut = (texts, { lost, impossible }) =>
-  [
-    [texts.bands_lost, lost],
+// Numbers of posterior draws that are not in its bands, and the reasons; empty if there are none.
+export function leftOut(texts, { lost, impossible }, withGases) {
+  const draws = [
+    [withGases ? texts.bands_lost_gases : texts.bands_lost, lost],
     [texts.bands_impossible, impossible],
   ]
     .filter(([, count]) => count)
     .map(([text, count]) => fill(text, { count }))
     .join(", ");
+  return draws && fill(texts.bands_left_out, { draws });
+}
 
 // Selected speeds of an ordered list as text, with ranges for neighbours: "1000, 3000–5000".
 export function speedsText(some, all) {
