@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import xarray as xr
-from scipy.optimize import brentq
 
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
 from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Row, within
-from eclsim.validation.reference_cases import compared
+from eclsim.validation.reference_cases import compared, root
 
 NYGREN = (
     "Nygren 2010 (10.1111/j.1399-6576.2010.02244.x), 21 patients in vasodilatory shock, haematocrit at a "
@@ -96,7 +95,7 @@ def _resistance(dose: float, pressure: float) -> float:
     def missing(rmc: float) -> float:
         return float(simulate(read_mapping(_patient(rmc, dose, 0.0)).case)["MAP"]) - pressure
 
-    return brentq(missing, 0.05, 3.0, xtol=1e-4)
+    return root(missing, 0.05, 3.0, xtol=1e-4)
 
 
 def _titrated(
@@ -109,7 +108,7 @@ def _titrated(
         case = read_mapping({**_patient(rmc, dose, venular_tone), "events": [event]}).case
         return course(case, minutes=BEGIN_MIN + LONG_MIN)
 
-    found = brentq(lambda infused: missing(followed(infused)), dose + 0.01, HIGHEST_DOSE, xtol=1e-3)
+    found = root(lambda infused: missing(followed(infused)), dose + 0.01, HIGHEST_DOSE, xtol=1e-3)
     return followed(found)
 
 
