@@ -65,7 +65,8 @@ def test_mixing_where_drainage_and_return_are_apart_is_said_to_have_no_effect():
     warnings, ((key, message),) = veno_venous()
     assert not warnings
     assert key == "ecmo.drainage_site"
-    assert "9 to 28 %" in message
+    assert "the more the higher the flow" in message
+    assert "9 to 28 % at 4 L/min" in message
     assert veno_venous(drainage_site="ra", return_site="ra", drainage_mixing=0.33) == [[], []]
 
 

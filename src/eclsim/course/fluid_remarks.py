@@ -90,8 +90,8 @@ _ULTRAFILTRATION = (
 )
 _ULTRAFILTRATION_WITHOUT_REFLEX = (
     "fluid is removed without a reflex: with stiff veins and nothing that answers, pressure falls several "
-    "times too far for the blood that is lost (in the published patient by 24 mmHg for 160 mL of plasma, "
-    "with the reflex of Heldt 2010 by 12 for 390 mL), so that rates look harmful that are not; "
+    "times too far for the blood that is lost (in a man on V-A ECMO by 20 mmHg for 170 mL of plasma, "
+    "with the reflex of Heldt 2010 by 4 for 270 mL), so that rates look harmful that are not; "
     '[regulation] baroreflex = 1 with model = "heldt2010" answers'
 )
 NOTABLE_ESCAPE = 0.15

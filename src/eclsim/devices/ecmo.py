@@ -1179,7 +1179,7 @@ def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
 
 
 def _check_recirculation(values: Raw, key: str, remarks: Remarks) -> None:
-    """Say where drained and returned blood meet in no compartment, so that hardly any recirculates."""
+    """Say where drained and returned blood meet in no compartment, so that their mixing has no effect."""
     drained, returned = values.get("drainage_site"), values.get("return_site")
     if drained is None or returned is None or drained in (returned, values.get("second_return_site")):
         return
@@ -1192,9 +1192,9 @@ def _check_recirculation(values: Raw, key: str, remarks: Remarks) -> None:
         remarks.warning(f"{key}.drainage_mixing", message, shown(mixing))
     elif in_veins:
         message = (
-            f"{apart}, so only blood that flows back between them recirculates, less than the 9 to 28 % "
-            f'measured with usual cannulae: to state recirculation, write "{MIXED_SITE}" for both sites, and '
-            "drainage_mixing"
+            f"{apart}, so only blood that flows back between them recirculates, whatever the cannulae, and "
+            "the more the higher the flow: to state recirculation (with usual cannulae, 9 to 28 % at 4 L/min "
+            f'were measured), write "{MIXED_SITE}" for both sites, and drainage_mixing'
         )
         remarks.note(f"{key}.drainage_site", message)
 
