@@ -257,7 +257,7 @@ def test_a_cohort_says_in_whom_steady_beats_run_ahead_of_the_blood(shell):
     )
     done = shell.run(*chosen)
     assert done.exit_code == 0, done.stderr
-    assert "in 1 of 2 patients, such as at 00:04 steady beats run ahead: SaO2 goes from 97 to" in done.stderr
+    assert "in 1 of 2 patients: at 00:04 steady beats run ahead: SaO2 goes from 97 to" in done.stderr
     high, low = csv.DictReader((shell.folder / "out" / "courses.csv").read_text().splitlines())
     assert "steady beats run ahead" in low["approximations"]
     assert high["approximations"] == ""

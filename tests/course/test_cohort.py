@@ -208,7 +208,7 @@ def test_an_event_sets_what_draws_differ_in(cases):
 def test_where_steady_beats_stand_for_what_takes_time_is_said_of_a_band():
     ahead = [[f"at 00:05 SaO2 from {k} to 3 % at once"] for k in (94, 92)] + [[]]
     band = band_of([drawn([70.0], (0.0,), ahead=said) for said in ahead])
-    assert band.attrs["warnings"] == ["in 2 of 3 draws, such as at 00:05 SaO2 from 94 to 3 % at once"]
+    assert band.attrs["warnings"] == ["in 2 of 3 draws, here of one: at 00:05 SaO2 from 94 to 3 % at once"]
 
 
 def test_draws_whose_numbers_are_not_to_be_read_are_counted_and_left_out():

@@ -349,3 +349,10 @@ def test_a_sudden_change_is_whole_at_a_time_rounded_to_just_before_it():
     ramp = Change(begin, begin + 10.0, {"a": 0.0}, {"a": 1.0}, None)
     assert ramp.share(begin - 1e-3) == 0.0
     assert ramp.share(begin + 5.0) == pytest.approx(0.5)
+
+
+def test_weaning_of_a_named_circuit_says_what_to_write(own):
+    raw = {key: section for key, section in own.as_mapping().items() if key != "crrt"}
+    named = read_mapping(raw | {"ecmo": {"a": raw["ecmo"]}}).case
+    with pytest.raises(GoalError, match=r"this case has \[ecmo\.a\]: write \[ecmo\] for the circuit to wean"):
+        plan_weaning(named, [3000.0])

@@ -223,3 +223,22 @@ def test_suction_is_said_where_the_pump_draws():
     beat = eclsim.simulate(read_mapping({**BAD_LUNGS, "ecmo": {**BAD_LUNGS["ecmo"], "speed_rpm": 5000}}).case)
     assert float(beat["pump_inlet_pressure"]) < -100.0 < float(beat["lowest_drainage_pressure"])
     assert beat["pump_inlet_pressure"].attrs["finding"] == "warning"
+
+
+def test_veno_venous_beside_veno_arterial_ecmo_recirculates_only_what_it_drains_beyond_the_organs_flow():
+    """CO was taken for the venous return, which the other circuit raises: 0.30 L/min "flowed back"."""
+    pump = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult"}
+    raw = {
+        "format": 1, "parameters": {"Emaxlv": 0.6},
+        "patient": {"id": "two", "sex": "male", "age_years": 60, "heart_rate_bpm": 90},
+        "ecmo": {
+            "a": pump | {"mode": "VA", "speed_rpm": 3000}, "b": pump | {"mode": "VV", "speed_rpm": 2500},
+        },
+    }  # fmt: skip
+    both = eclsim.simulate(read_mapping(raw).case)
+    assert float(both["ecmo.b.PF"]) > float(both["CO"]) + 0.1
+    assert not any("back to the drainage cannula" in sentence for sentence in both.attrs["warnings"])
+    alone = read_mapping(raw | {"ecmo": {"b": raw["ecmo"]["b"] | {"speed_rpm": 4500}}}).case
+    assert any(
+        "back to the drainage cannula" in sentence for sentence in eclsim.simulate(alone).attrs["warnings"]
+    )

@@ -260,7 +260,10 @@ def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]
     for sentence in (sentence for remarks in remarks_of_each for sentence in remarks):
         kind = NOT_THE_MEASURED if NOT_THE_MEASURED in sentence else NUMBER.sub("", sentence)
         kinds.setdefault(kind, []).append(sentence)
-    return [f"in {len(alike)} of {len(courses)} {of}, such as {alike[0]}" for alike in kinds.values()]
+    return [
+        f"in {len(alike)} of {len(courses)} {of}{'' if len({*alike}) == 1 else ', here of one'}: {alike[0]}"
+        for alike in kinds.values()
+    ]
 
 
 def band_object(band: xr.Dataset) -> dict[str, Any]:

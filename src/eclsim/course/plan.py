@@ -496,7 +496,7 @@ def plan_weaning(
     """
     start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if start.ecmo is None:
-        raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
+        raise GoalError([_without_ecmo(start)])
     numbers = _speeds(speeds)
     if keep is None and vary is not None:
         raise GoalError([f"vary '{vary}': needs goals to keep, such as MAP > 65; none is given"])
@@ -509,6 +509,17 @@ def plan_weaning(
         _weaning_step(case_with_settings(start, {key: speed}, start), speed, keep, vary, volume_policy)
         for speed in numbers
     ]
+
+
+def _without_ecmo(case: Case) -> str:
+    """Message that weaning finds no circuit without a name."""
+    named = [one.key for one in case.instances() if one.device.key == ECMO.key]
+    if not named:
+        return f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"
+    return (
+        f"weaning turns down [{ECMO.key}], and this case has [{'], ['.join(named)}]: write [{ECMO.key}] for "
+        f"the circuit to wean, or compare speeds with eclsim simulate --sweep {named[0]}.speed_rpm=..."
+    )
 
 
 def _speeds(given: Sequence[float]) -> list[float]:

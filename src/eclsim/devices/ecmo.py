@@ -1056,7 +1056,7 @@ def _without_exhaust_gas(
 
 def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it."""
-    flow, output = outputs.get(name := names.output("PF")), outputs.get("CO")
+    flow, output = outputs.get(name := names.output("PF")), _flow_of_organs(outputs)
     sites = [(c.source, c.target) for c in circuit.connections if c.group == names.key]
     own = {c.name for c in circuit.compartments if c.group == names.key}
     outer = {site for ends in sites for site in ends} - own
@@ -1067,11 +1067,19 @@ def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circui
         return []
     text = (
         f"the {names.label} drains {flow:.2f} L/min, but only {output:.2f} L/min come back from the "
-        f"body (CO): at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
+        f"body: at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
         "(recirculation) and supply nobody with oxygen; lower the flow"
     )
     concerns = (one for one in (name, names.output("recirculation_fraction")) if one in outputs)
     return [Finding.without_limit(CAUTION, name, flow, text, *concerns)]
+
+
+def _flow_of_organs(outputs: Mapping[str, float]) -> float | None:
+    """Flow from the organs to the veins [L/min]: more than CO beside a pump that returns to arteries."""
+    for names in (("systemic_flow",), ("upper_body_flow", "lower_body_flow"), ("CO",)):
+        if all(name in outputs for name in names):
+            return sum(outputs[name] for name in names)
+    return None
 
 
 def _caution_on_left_ventricle(
