@@ -296,6 +296,7 @@ def test_shards_of_a_patient_with_reflexes_and_drugs_merge_across_processes(tmp_
         (("--resume",), "--out DIR"),
         (("--parameters", "Rmcc,Emaxlvv"), "Emaxlvv"),
         (("--states", "happy"), "hypotensive"),
+        (("--states", "normal,hypotensive", "--range", "Rmc=0.3:0.7"), "differ in Rmc alone"),
     ],
 )
 def test_wrong_options_end_with_status_2(case_file, capsys, monkeypatch, tmp_path, options, message):
