@@ -119,7 +119,7 @@ def _checked(o: SensitivityOptions, merges: bool) -> tuple[Target, Distribution,
     if o.until is not None and not 0.0 < o.until < math.inf:
         places.mistakes.append(f"--until {o.until:g}: allowed: above 0, such as 0.02")
     if o.states and any(one.partition("=")[0].strip() == "Rmc" for one in o.ranges):
-        places.mistakes.append("--states: differ in Rmc alone, for which --range gives one range: leave one out")
+        places.mistakes.append("--states: differ in Rmc alone, to which --range gives one range: choose one")
     distribution = o.distribution(places.mistakes)
     readings = [] if merges else read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
     places.check()
