@@ -430,3 +430,16 @@ def test_an_age_in_months_is_not_taken_for_years(tmp_path):
     file = long_table(tmp_path, "A,2024-03-01,age_years,30,months", "A,2024-03-01,MAP,80,mmHg")
     with pytest.raises(CaseError, match='age_years = "months": another unit; allowed: years'):
         import_cohort(file)
+
+
+def test_negative_pressures_are_numbers_in_the_table(tmp_path):
+    """They had an apostrophe before them, as formulas have, and were text in a spreadsheet or in pandas."""
+    rows = ("=1+1,2024-03-01T08:00,CVP,-2,mmHg", "=1+1,2024-03-01T08:00,drainage_pressure,-50,mmHg")
+    patient = Patient(id="b", sex="male", age_years=61, heart_rate_bpm=80)
+    table = tmp_path / "cohort.csv"
+    table.write_text(as_table(import_cohort(long_table(tmp_path, *rows), Case(patient=patient)).rows))
+    for guard in ("", "'"):
+        table.write_text(table.read_text().replace(",-", f",{guard}-"))
+        (point,) = read_cohort(table).points
+        assert (point.patient_id, point.case.measurements.CVP) == ("=1+1", -2)
+        assert f",{guard}-50" in table.read_text()
