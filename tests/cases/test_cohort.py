@@ -379,3 +379,12 @@ def test_a_note_of_a_patient_is_said_once(write):
     lines = [f"{row(k, name, **size)},3,9" for k, name in ((1, "P01"), (2, "P01"), (1, "P02"))]
     notes = [note for note in read_cohort(write(head, *lines)).notes if note.key == "weight_kg"]
     assert [note.line for note in notes] == [2, 4]
+
+
+def test_a_cardiac_output_written_as_missing_is_noted_like_any_other(write):
+    """Its notes are left out, as each row on ECMO has one, and this one was left out too."""
+    notes = [str(note) for note in read_cohort(write(HEAD, row(CO="NA", PCWP="NA"))).notes]
+    assert [note.partition(": ")[2] for note in notes if "not fitted" in note] == [
+        'PCWP = "NA": not measured, so not fitted', 'CO = "NA": not measured, so not fitted',
+    ]  # fmt: skip
+    assert not any("native output" in str(note) for note in read_cohort(write(HEAD, row())).notes)

@@ -27,7 +27,7 @@ from eclsim.files import unguarded
 from eclsim.inputs.files import decoded, file_error, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
 from eclsim.inputs.numbers import NUMBER
-from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, NOT_FITTED, looks_identifiable
 from eclsim.spelling import did_you_mean
 from eclsim.units import MMHG_PER_KPA, known_unit
 
@@ -302,7 +302,7 @@ _OMITTED_NOTES = {
     "measurements.CO",
     *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual),
 }
-"""Keys whose notes are omitted, as they would appear for every row."""
+"""Keys whose notes on what a row gives are omitted, as they would appear for every row."""
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
@@ -502,7 +502,8 @@ class _Rows(Remarks):
                 name = reading.case.patient.id
                 for m in reading.notes:
                     about = ("" if m.key.startswith(Gas.section) else name, m)
-                    if m.key not in _OMITTED_NOTES and about not in self.reported:
+                    omitted = m.key in _OMITTED_NOTES and m.message != NOT_FITTED
+                    if not omitted and about not in self.reported:
                         self.reported.add(about)
                         self.notes.append(self._in_columns(m).at("", line))
                 return CohortPoint(name, row[MEASUREMENT], line, reading.case)

@@ -19,6 +19,7 @@ from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, unit_of
 from eclsim.inputs.mistakes import CaseError, Mistake, Remarks, as_names, shown
+from eclsim.inputs.sections import NOT_FITTED
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
@@ -461,7 +462,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
         if value is None and name in BEAT_OUTPUTS:
-            checked.note(f"measurements.{name}", "not measured, so not fitted")
+            checked.note(f"measurements.{name}", NOT_FITTED)
         elif value is not None and name not in known:
             message = f"not fitted: the case has no such output{unavailable(name, known)}"
             checked.warning(f"measurements.{name}", message, shown(value))
