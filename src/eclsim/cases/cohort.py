@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import Any
 
 from eclsim.cases.case import Case
+from eclsim.cases.doubts import speeds_too_low
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES, Gas, sections
 from eclsim.devices.description import Columns
@@ -497,6 +498,7 @@ class _Rows(Remarks):
         else:
             if not any(getattr(reading.case.measurements, name, None) is not None for name in MEASURED):
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
+            wrong += [self._in_columns(m) for m in speeds_too_low(reading.case)]
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
                 name = reading.case.patient.id

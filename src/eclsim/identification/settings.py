@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.arguments import Kind, OneOf, check_fields, number_of, written
+from eclsim.cases.doubts import speeds_too_low
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
@@ -458,6 +459,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         message = "a target; a fit needs the speed at which the pump ran"
         value = shown(getattr(instance.section, target.key))
         checked.error(f"{instance.key}.{target.key}", message, value, allowed)
+    checked.mistakes += speeds_too_low(case)
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
