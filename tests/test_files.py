@@ -152,13 +152,13 @@ def test_a_data_frame_has_no_formula():
     assert frame_text(frame) == "id,x\n'=A1,1.5\nb,\n"
 
 
-@pytest.mark.parametrize("text", ["=1+1", "@SUM(A1)", "+1", "-1", "\tx", "\rx"])
+@pytest.mark.parametrize("text", ["=1+1", "@SUM(A1)", "+1+A1", "-1-A1", "-A1", "\tx", "\rx"])
 def test_texts_that_a_spreadsheet_would_run_are_guarded_and_come_back(text):
     assert guarded(text) == f"'{text}"
     assert unguarded(guarded(text)) == text
 
 
-@pytest.mark.parametrize("value", ["P01", "", "'quoted'", 1.5, -2.0, None])
+@pytest.mark.parametrize("value", ["P01", "", "'quoted'", 1.5, -2.0, None, "-50", "-2.5e-3", "+.5"])
 def test_other_cells_stay_as_they_are(value):
     assert guarded(value) == value
     if isinstance(value, str):

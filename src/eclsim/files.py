@@ -39,6 +39,7 @@ _FILE_MODE = 0o644
 # HDF5 buries the system's error number in a long text, and sometimes raises RuntimeError instead of OSError.
 _HDF5_ERROR = re.compile(r"file write failed: .*?errno = (\d+)", re.DOTALL)
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _LONGEST_STEM = 60
 
 
@@ -159,8 +160,12 @@ def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
 
 
 def guarded(cell: _Cell) -> _Cell | str:
-    """Put an apostrophe before a text that a spreadsheet would run as a formula; other cells stay as is."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
+    """Put an apostrophe before a text that a spreadsheet would run as a formula; other cells stay as is.
+
+    A number with a sign, such as "-50", is no formula, and with an apostrophe it would be no number.
+    """
+    is_formula = isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) and not _NUMBER.fullmatch(cell)
+    return f"'{cell}" if is_formula else cell
 
 
 def unguarded(text: str) -> str:

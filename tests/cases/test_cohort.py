@@ -71,6 +71,9 @@ def test_a_row_that_says_how_the_crrt_is_connected_has_one(write):
         ("CO", "#DIV/0!", "spreadsheet"),
         ("CO", "3400", "outside"),
         ("PCWP", "inf", "not a number"),
+        ("ecmo_speed_rpm", "2,725", "did you mean 2725?"),
+        ("ecmo_speed_rpm", "2.725", "0, or 100 to 10000 rpm; did you mean 2.725 krpm = 2725 rpm?"),
+        ("ecmo_speed_rpm", "45", "no pump runs as slowly"),
         ("heart_rate_bpm", "", "missing"),
         ("sex", "M", "unknown name"),
         ("ecmo_pump", "0", "name"),
@@ -379,3 +382,12 @@ def test_a_note_of_a_patient_is_said_once(write):
     lines = [f"{row(k, name, **size)},3,9" for k, name in ((1, "P01"), (2, "P01"), (1, "P02"))]
     notes = [note for note in read_cohort(write(head, *lines)).notes if note.key == "weight_kg"]
     assert [note.line for note in notes] == [2, 4]
+
+
+def test_a_cardiac_output_written_as_missing_is_noted_like_any_other(write):
+    """Its notes are left out, as each row on ECMO has one, and this one was left out too."""
+    notes = [str(note) for note in read_cohort(write(HEAD, row(CO="NA", PCWP="NA"))).notes]
+    assert [note.partition(": ")[2] for note in notes if "not fitted" in note] == [
+        'PCWP = "NA": not measured, so not fitted', 'CO = "NA": not measured, so not fitted',
+    ]  # fmt: skip
+    assert not any("native output" in str(note) for note in read_cohort(write(HEAD, row())).notes)

@@ -36,6 +36,7 @@ def said_of(key, value):
         ("solutes.urea_mmol_l", 90, "90 mg/dL of urea = 15.0 mmol/L, or of urea nitrogen = 32.1 mmol/L"),
         ("measurements.drainage_pressure", 60, "-60"),
         ("measurements.pump_inlet_pressure", 75, "-75"),
+        ("ecmo.speed_rpm", 2.725, "2.725 krpm = 2725 rpm"),
         ("drugs.dobutamine", 0.005, "0.005 mg/kg/min = 5 ug/kg/min"),
         ("drugs.noradrenaline", 0.0002, "0.0002 mg/kg/min = 0.2 ug/kg/min"),
     ],
@@ -152,3 +153,10 @@ def test_a_cannula_in_a_vessel_where_none_is_put_is_doubted(key, ecmo, words):
 )
 def test_usual_modes_are_not_doubted(ecmo):
     assert doubted_sites(**ecmo) == {}
+
+
+def test_a_course_may_slow_a_pump_down_and_start_it_slowly():
+    """Only a fit and a table of measurements refuse a speed that no pump has while a patient is measured."""
+    slow = {"at_min": 1, "ramp_min": 2, "set": {"ecmo.speed_rpm": 2.5}}
+    started = {**RAW["ecmo"], "speed_rpm": 50}
+    assert read_mapping(RAW | {"ecmo": started, "measurements": {"MAP": 70}, "events": [slow]}).case.events

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eclsim.cases.case import Case, Patient
-from eclsim.cases.cohort import read_cohort
+from eclsim.cases.cohort import COLUMNS, OPTIONAL, read_cohort
 from eclsim.cases.importing import as_table, import_cohort
 from eclsim.cases.observations import BY_CODE, UnitError, in_unit_of
 from eclsim.cases.reading import read_mapping
@@ -430,3 +430,98 @@ def test_an_age_in_months_is_not_taken_for_years(tmp_path):
     file = long_table(tmp_path, "A,2024-03-01,age_years,30,months", "A,2024-03-01,MAP,80,mmHg")
     with pytest.raises(CaseError, match='age_years = "months": another unit; allowed: years'):
         import_cohort(file)
+
+
+def test_negative_pressures_are_numbers_in_the_table(tmp_path):
+    """They had an apostrophe before them, as formulas have, and were text in a spreadsheet or in pandas."""
+    rows = ("=1+1,2024-03-01T08:00,CVP,-2,mmHg", "=1+1,2024-03-01T08:00,drainage_pressure,-50,mmHg")
+    patient = Patient(id="b", sex="male", age_years=61, heart_rate_bpm=80)
+    table = tmp_path / "cohort.csv"
+    table.write_text(as_table(import_cohort(long_table(tmp_path, *rows), Case(patient=patient)).rows))
+    for guard in ("", "'"):
+        table.write_text(table.read_text().replace(",-", f",{guard}-"))
+        (point,) = read_cohort(table).points
+        assert (point.patient_id, point.case.measurements.CVP) == ("=1+1", -2)
+        assert f",{guard}-50" in table.read_text()
+
+
+# --- settings, and whose code it is -------------------------------------------------------------------
+
+
+def named(column: str, value: Any, unit: str, system: str | None = None) -> dict[str, Any]:
+    """A value under the name of a cohort column."""
+    return observation("", value, unit) | {"code": {"coding": [{"system": system, "code": column}]}}
+
+
+def test_settings_of_gas_and_devices_are_read_under_the_names_of_their_columns(tmp_path):
+    """They were left out, and the table had the default: 50 % of oxygen where the data say 90."""
+    values = (
+        ("fio2", 90, "%", "0.9"), ("fdo2", 0.6, "1", "0.6"), ("shunt_fraction", 35, "%", "0.35"),
+        ("sweep_l_min", 2000, "mL/min", "2"), ("crrt_flow_ml_min", 0.15, "L/min", "150"),
+        ("drainage_fr", 23, "[Ch]", "23"), ("return_fr", 17, "Fr", "17"), ("temperature_c", 38, "Cel", "38"),
+        ("vo2_percent_per_c", 7, "%/C", "7"), ("lung_volume_ml", 1.5, "L", "1500"),
+    )  # fmt: skip
+    resources = [named(column, value, unit) for column, value, unit, _ in values]
+    rows = [f"P01,{NINE},{column},{value},{unit}" for column, value, unit, _ in values]
+    results = [
+        import_cohort(bundle(tmp_path, PATIENT, *resources, *TWO)),
+        import_cohort(long_table(tmp_path, *rows, f"P01,{NINE},MAP,80,mmHg")),
+    ]
+    for result in results:
+        (row,) = result.rows
+        assert {column: row.get(column) for column, *_ in values} == {
+            column: cell for column, *_, cell in values
+        }
+        assert not result.warnings
+        assert any(str(note).endswith("fio2: 90 % = 0.9") for note in result.notes)
+
+
+def test_every_column_of_numbers_is_read_and_every_other_one_is_named(tmp_path):
+    names = [c for c in COLUMNS | OPTIONAL if c not in ("patient_id", "sex", "age_years")]
+    texts = {name for name in names if name not in BY_CODE}
+    assert texts == {
+        "ecmo_pump", "oxygenator", "ecmo_mode", "drainage_site", "drainage_cannula", "return_site",
+        "return_cannula", "crrt_access_site", "crrt_return_site",
+    }  # fmt: skip
+    rows = [f"A,2024-03-01T08:00,{name},x," for name in sorted(texts)]
+    result = import_cohort(long_table(tmp_path, *rows, "A,2024-03-01T08:00,MAP,80,mmHg"))
+    assert len(result.warnings) == len(texts)
+    assert all("not read, as it is text; the cells have that of the base" in str(w) for w in result.warnings)
+    pump = named("ecmo_pump", 0, "") | {"valueString": "Rotaflow"}
+    del pump["valueQuantity"]
+    (warning,) = import_cohort(bundle(tmp_path, PATIENT, pump, *TWO)).warnings
+    assert 'code "ecmo_pump", once: not read, as it is text' in str(warning)
+
+
+def test_a_fraction_needs_its_unit(tmp_path):
+    rows = ("A,2024-03-01T08:00,fio2,0.9,", "A,2024-03-01T08:00,fdo2,0.9,mmHg")
+    with pytest.raises(CaseError) as caught:
+        import_cohort(long_table(tmp_path, *rows))
+    first, second = map(str, caught.value.mistakes)
+    assert "fio2 needs one, such as 1 or %" in first
+    assert "unit 'mmHg' is not a unit of fraction; fdo2 is in fractions of 1" in second
+
+
+def test_a_code_counts_only_in_its_own_system(tmp_path):
+    """A code of any system was taken for that of LOINC, without a word."""
+    foreign = [named("8478-0", 70, "mm[Hg]", "urn:x"), named("CVP", 7, "mm[Hg]", "urn:x")]
+    mixed = named("251288004", 3, "L/min", LOINC)
+    bare = [named("8480-6", 110, "mm[Hg]"), named("DP", 60, "mm[Hg]")]
+    result = import_cohort(bundle(tmp_path, PATIENT, *foreign, mixed, *bare))
+    (row,) = result.rows
+    assert [row.get(name) for name in ("MAP", "CVP", "PF", "SP", "DP")] == [None, None, None, "110", "60"]
+    assert list(map(str, result.warnings)) == [
+        f'{tmp_path}/bundle.json: code "8478-0 of urn:x", once: not read',
+        f'{tmp_path}/bundle.json: code "CVP of urn:x", once: not read',
+        f'{tmp_path}/bundle.json: code "251288004 of http://loinc.org", once: not read',
+    ]
+    assert [str(n) for n in result.notes if "no system" in str(n)] == [
+        f"{tmp_path}/bundle.json: code 8480-6 has no system: read as LOINC"
+    ]
+
+
+def test_a_code_of_another_system_beside_its_own_is_read(tmp_path):
+    both = [{"system": "urn:x", "code": "8478-0"}, {"system": LOINC, "code": "8478-0"}]
+    value = observation("", 70, "mm[Hg]") | {"code": {"coding": both}}
+    result = import_cohort(bundle(tmp_path, PATIENT, value))
+    assert (result.rows[0]["MAP"], result.warnings) == ("70", [])

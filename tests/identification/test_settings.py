@@ -11,13 +11,13 @@ from eclsim.parameters.thiel2025 import BOUNDS
 ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
 
 
-def case_with(measured):
+def case_with(measured, speed=2725):
     return read_mapping(
         {
             "format": 1,
             "patient": {"id": "P01", "sex": "male", "age_years": 42, "heart_rate_bpm": 83},
             "measurements": measured,
-            "ecmo": {"pump": "Rotaflow", "speed_rpm": 2725, "oxygenator": "Quadrox-i Adult", "mode": "VA"},
+            "ecmo": {"pump": "Rotaflow", "speed_rpm": speed, "oxygenator": "Quadrox-i Adult", "mode": "VA"},
         }
     ).case
 
@@ -27,6 +27,14 @@ def test_seven_targets_for_seven_parameters_are_fine():
     assert (checked.mistakes, checked.warnings, checked.notes) == ([], [], [])
     assert checked.targets == ALL
     assert set(checked.free) == set(BOUNDS)
+
+
+@pytest.mark.parametrize(("speed", "errors"), [(2.725, 1), (99, 1), (100, 0), (0, 0)])
+def test_a_patient_measured_on_a_pump_that_hardly_turns_is_not_fitted(speed, errors):
+    """A speed in krpm was fitted as so many rpm: a patient without support."""
+    messages = [str(m) for m in check_fit(case_with(ALL, speed), BOUNDS).mistakes]
+    assert len(messages) == errors
+    assert all("no pump runs as slowly in a patient who is measured" in m for m in messages)
 
 
 def test_25_without_targets_there_is_nothing_to_fit():

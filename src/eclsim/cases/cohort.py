@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import Any
 
 from eclsim.cases.case import Case
+from eclsim.cases.doubts import speeds_too_low
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES, Gas, sections
 from eclsim.devices.description import Columns
@@ -27,7 +28,7 @@ from eclsim.files import unguarded
 from eclsim.inputs.files import decoded, file_error, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
 from eclsim.inputs.numbers import NUMBER
-from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, NOT_FITTED, looks_identifiable
 from eclsim.spelling import did_you_mean
 from eclsim.units import MMHG_PER_KPA, known_unit
 
@@ -302,7 +303,7 @@ _OMITTED_NOTES = {
     "measurements.CO",
     *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual),
 }
-"""Keys whose notes are omitted, as they would appear for every row."""
+"""Keys whose notes on what a row gives are omitted, as they would appear for every row."""
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
@@ -497,12 +498,14 @@ class _Rows(Remarks):
         else:
             if not any(getattr(reading.case.measurements, name, None) is not None for name in MEASURED):
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
+            wrong += [self._in_columns(m) for m in speeds_too_low(reading.case)]
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
                 name = reading.case.patient.id
                 for m in reading.notes:
                     about = ("" if m.key.startswith(Gas.section) else name, m)
-                    if m.key not in _OMITTED_NOTES and about not in self.reported:
+                    omitted = m.key in _OMITTED_NOTES and m.message != NOT_FITTED
+                    if not omitted and about not in self.reported:
                         self.reported.add(about)
                         self.notes.append(self._in_columns(m).at("", line))
                 return CohortPoint(name, row[MEASUREMENT], line, reading.case)

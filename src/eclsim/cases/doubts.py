@@ -5,9 +5,13 @@ A number outside the allowed range is refused with the unit that was probably me
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 from eclsim.devices.device import CaseValues
 from eclsim.devices.dialysed_blood import FLUIDS, NET_ULTRAFILTRATION
-from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.mistakes import Mistake, Remarks, shown
+from eclsim.inputs.numbers import suspected_unit
 from eclsim.inputs.sections import Raw
 from eclsim.parameters.fluid import SOLUTES
 from eclsim.parameters.gas import NORMAL_C
@@ -15,6 +19,9 @@ from eclsim.parameters.gas import PARAMETERS as GAS
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.patient.anthropometry import body_surface, oxygen_consumption
 from eclsim.patient.sites import ARTERIAL_SITES
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
 
 LEAST_FLUID_ML_H, LEAST_ULTRAFILTRATION_ML_H = 60.0, 5.0
 """Flows of fluid below which a dose per body weight was probably meant: 20 to 60 mL/kg/h are prescribed as
@@ -32,7 +39,26 @@ HIGH_DRAINAGE_MMHG = 20.0
 """Pressure behind a venous cannula or before the pump that is no suction (a convention of this project)."""
 LEAST_DOSE_SHARE = 1.0 / 400.0
 """Share of the largest usual dose below which a thousand times as much was probably meant."""
+LEAST_SPEED_RPM = 100.0
+"""Speed below which no pump runs in a patient who is measured, unless it stands still (a convention of this
+project)."""
 _SUCTION = ("drainage_pressure", "pump_inlet_pressure")
+
+
+def speeds_too_low(case: Case) -> Iterator[Mistake]:
+    """Yield an error for each pump too slow for a patient who is measured, as of krpm.
+
+    A simulation may have any speed: pumps are slowed down until they stand still.
+    """
+    for instance in case.instances():
+        field = instance.device.section.fields().get("speed_rpm")
+        speed = getattr(instance.section, "speed_rpm", None)
+        if field is None or speed is None or not 0.0 < speed < LEAST_SPEED_RPM:
+            continue
+        hint = suspected_unit(speed, field.unit, field.typical, (LEAST_SPEED_RPM, field.maximum))
+        allowed = f"0, or {LEAST_SPEED_RPM:g} to {field.maximum:g} {field.unit}"
+        message = "no pump runs as slowly in a patient who is measured"
+        yield Mistake(f"{instance.key}.speed_rpm", message, shown(speed), allowed, hint)
 
 
 def check_doubtful_units(case: CaseValues, remarks: Remarks) -> None:

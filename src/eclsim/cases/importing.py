@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
 from pathlib import Path
@@ -212,6 +212,7 @@ def read_bundle(
     result = Imported()
     result.warnings += _other_pages(bundle)
     entries = list(_resources(bundle, result))
+    result.notes += _codes_without_system(entries)
     people = _people(entries, result)
     values = []
     for place, _, resource in entries:
@@ -342,7 +343,7 @@ def _observations(
     if not values:
         if own in BY_CODE:
             result.error(place, "no valueQuantity: a number with a unit is needed")
-        return []
+        return [Observation(patient, str(when), own, 0.0, "", place)] * (own in COLUMNS | OPTIONAL)
     read = []
     for code, part in values:
         quantity = _mapping(part.get("valueQuantity"))
@@ -390,14 +391,42 @@ def code_of(part: Mapping[str, Any]) -> str:
     """Return the first code of a resource or component that is known, else its first code, else its text."""
     concept = _mapping(part.get("code"))
     codings = concept.get("coding") or []
-    known = [
-        str(c.get("code"))
-        for c in codings
-        if str(c.get("code")) in BY_CODE and c.get("system") in (LOINC, SNOMED, None)
-    ]
-    first = [f"{c.get('code')}" for c in codings if c.get("code")]
+    known = [str(c.get("code")) for c in codings if _is_read(c)]
+    first = [_in_words(c) for c in codings if c.get("code")]
     text = str(concept.get("text", ""))
     return (known or ([text] if text in BY_CODE else first) or [text or "(none)"])[0]
+
+
+def _is_read(coding: Mapping[str, Any]) -> bool:
+    """Whether a coding has a code that is read, of the system that the code belongs to or of none."""
+    code, system = str(coding.get("code")), coding.get("system")
+    if (kind := BY_CODE.get(code)) is None:
+        return False
+    systems = (LOINC, SNOMED) if code == kind.column else ({kind.loinc: LOINC}.get(code, SNOMED),)
+    return system in (*systems, None)
+
+
+def _in_words(coding: Mapping[str, Any]) -> str:
+    """Return a code that is not read; with its system where another system's code would be read."""
+    code = str(coding["code"])
+    return f"{code} of {coding.get('system')}" if code in BY_CODE else code
+
+
+def _codes_without_system(entries: Iterable[tuple[str, str, Mapping[str, Any]]]) -> Iterator[Mistake]:
+    """Yield a note for each code that is read although no coding of it names its system."""
+    without: dict[str, str] = {}
+    for _, _, resource in entries:
+        if resource.get("resourceType") != "Observation" or _misshapen(resource):
+            continue
+        for part in (resource, *(resource.get("component") or [])):
+            code = code_of(part)
+            kind = BY_CODE.get(code)
+            system = {kind.loinc: "LOINC", kind.snomed: "SNOMED CT"}.get(code) if kind else None
+            codings = _mapping(part.get("code")).get("coding") or []
+            if system and not any(str(c.get("code")) == code and c.get("system") for c in codings):
+                without[code] = system
+    for code, system in without.items():
+        yield Mistake("", f"code {code} has no system: read as {system}")
 
 
 def _about(name: str, resource: Mapping[str, Any] | None, result: Imported) -> About:

@@ -10,15 +10,15 @@ is not read as a blood gas.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from types import MappingProxyType
 
-from eclsim.cases.sections import FURTHER_MEASUREMENTS, GRAMS_PER_MMOL, MEASURED_GASES, Measurements
-from eclsim.devices.registry import devices
+from eclsim.cases.cohort import COLUMNS, OPTIONAL
+from eclsim.cases.sections import GRAMS_PER_MMOL, sections
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.units import convert, known_unit, quantity_of
+from eclsim.units import convert, known_unit, quantity_of, unit_in_words
 
 LOINC, SNOMED = "http://loinc.org", "http://snomed.info/sct"
 
@@ -40,35 +40,28 @@ class Measurable:
     snomed: str = ""
 
 
-MEASURABLES = (
-    Measurable("heart_rate_bpm", "bpm", "8867-4"),
-    Measurable("SP", "mmHg", "8480-6"),
-    Measurable("DP", "mmHg", "8462-4"),
-    Measurable("MAP", "mmHg", "8478-0"),
-    Measurable("MPAP", "mmHg", "8414-5"),
-    Measurable("PCWP", "mmHg", "75994-4"),
-    Measurable("CO", "L/min", "8741-1"),
-    Measurable("PF", "L/min", "", "251288004"),
-    Measurable("CVP", "mmHg", "60985-9", "71420008"),
-    *(Measurable(name, "mmHg") for name in FURTHER_MEASUREMENTS if name != "CVP"),
-    Measurable("SaO2", "%", "2708-6"),
-    Measurable("PaO2", "mmHg", "2703-7"),
-    Measurable("PaCO2", "mmHg", "2019-8"),
-    *(
-        Measurable(name, Measurements.fields()[name].unit, "19224-5" if name == "SvO2" else "")
-        for name in MEASURED_GASES
-        if name not in ("SaO2", "PaO2", "PaCO2")
-    ),
-    Measurable("haemoglobin_g_dl", "g/dL", "718-7"),
-    Measurable("height_cm", "cm", "8302-2"),
-    Measurable("weight_kg", "kg", "29463-7"),
-    *(
-        Measurable(column, device.section.fields()[device.columns.needed[column]].unit)
-        for device in devices().values()
-        for column in device.columns.measured
-    ),
-)
-"""Values that are read; pump speed and blood gases of the ECMO are identified by their column names."""
+_CODES = {
+    "heart_rate_bpm": ("8867-4", ""), "SP": ("8480-6", ""), "DP": ("8462-4", ""), "MAP": ("8478-0", ""),
+    "MPAP": ("8414-5", ""), "PCWP": ("75994-4", ""), "CO": ("8741-1", ""), "PF": ("", "251288004"),
+    "CVP": ("60985-9", "71420008"), "SaO2": ("2708-6", ""), "PaO2": ("2703-7", ""), "PaCO2": ("2019-8", ""),
+    "SvO2": ("19224-5", ""), "haemoglobin_g_dl": ("718-7", ""), "height_cm": ("8302-2", ""),
+    "weight_kg": ("29463-7", ""),
+}  # fmt: skip
+"""LOINC and SNOMED CT code of the columns that have one."""
+PATIENT_COLUMNS = ("sex", "age_years")
+
+
+def _measurables() -> Iterator[Measurable]:
+    """Yield every column of a cohort that contains a number, besides the age."""
+    for column, key in (COLUMNS | OPTIONAL).items():
+        section, _, name = key.partition(".")
+        field = sections()[section].fields()[name]
+        if field.kind == "number" and column not in PATIENT_COLUMNS:
+            yield Measurable(column, field.unit, *_CODES.get(column, ()))
+
+
+MEASURABLES = tuple(_measurables())
+"""Values that are read; those without a code are identified by the names of their columns."""
 BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
     {m.loinc: m for m in MEASURABLES if m.loinc}
     | {m.snomed: m for m in MEASURABLES if m.snomed}
@@ -77,7 +70,7 @@ BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
 _UCUM = {
     "mm[Hg]": "mmHg", "cm[H2O]": "cmH2O", "{beats}/min": "bpm", "{Beats}/min": "bpm", "/min": "bpm",
     "1/min": "bpm", "[lb_av]": "lb", "[in_i]": "in", "{rpm}": "rpm", "{rev}/min": "rpm", "m[H2O]": "",
-    "l/min": "L/min",
+    "l/min": "L/min", "Cel": "C", "[degF]": "°F", "[Ch]": "Fr",
 }  # fmt: skip
 
 
@@ -93,19 +86,27 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
     """
     quantity = quantity_of(kind.unit)
     if not unit.strip():
-        raise UnitError(f"no unit; {kind.column} needs one, such as {kind.unit}")
+        example = "1 or %" if kind.unit == "1" else kind.unit
+        raise UnitError(f"no unit; {kind.column} needs one, such as {example}")
+    if unit.strip() == kind.unit:
+        return value, ""
     if quantity in ("rate", "speed") and unit.strip() in ("/min", "1/min"):
         return value, ""
     known = _known(unit)
     if known is None or quantity_of(known) != quantity:
-        wrong = f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}"
+        needed = unit_in_words(kind.unit)
+        wrong = f"unit {unit!r} is not a unit of {quantity or kind.column}; {kind.column} is in {needed}"
         if kind.column == "haemoglobin_g_dl" and known == "mmol/L":
             wrong += f" (of the monomer, {value:g} mmol/L = {value * GRAMS_PER_MMOL:.3g} g/dL)"
         raise UnitError(wrong)
     if known == kind.unit:
         return value, ""
     converted = float(f"{convert(value, known, kind.unit):.6g}")
-    return converted, f"{value:g} {known} = {converted:g} {kind.unit}"
+    return converted, " = ".join((_with_unit(value, known), _with_unit(converted, kind.unit)))
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
 def are_different_units(one: str, other: str) -> bool:
@@ -122,7 +123,6 @@ def _known(unit: str) -> str | None:
 # --- observations -----------------------------------------------------------------------------------
 
 
-PATIENT_COLUMNS = ("sex", "age_years")
 NOTHING_TO_FIT = "nothing that can be fitted"
 SIZE_COLUMNS = ("height_cm", "weight_kg")
 """Columns measured once that apply to every data point of the patient."""
@@ -207,11 +207,20 @@ def data_points(
             placed.setdefault(record.patient, []).append((entry[0], record, kind, entry[1]))
     for code, count in unread.items():
         times = f"{count} times" if count > 1 else "once"
-        result.warning("", f"code {shown(code)}, {times}: not read")
+        result.warning("", f"code {shown(code)}, {times}: not read{_why_unread(code)}")
     for patient in sorted(placed):
         _rows_of(patient, placed[patient], about.get(patient, About()), within, result)
     if not result.rows and not result.mistakes:
         result.error("", NOTHING_TO_FIT, allowed=", ".join(BY_CODE))
+
+
+def _why_unread(code: str) -> str:
+    """Why a column of a cohort is not read, and what stands in its place; empty for any other code."""
+    if code not in COLUMNS | OPTIONAL:
+        return ""
+    if code in ("patient_id", *PATIENT_COLUMNS):
+        return ", as it is no measurement; it belongs to the patient"
+    return ", as it is text; the cells have that of the base case, or are empty without one"
 
 
 def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[datetime, float] | None:

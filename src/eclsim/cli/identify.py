@@ -398,8 +398,8 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
             reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
             progress=progress,
         )  # fmt: skip
-    content = fits_object(results, settings.as_object(), reading.refused)
-    write_fits(folder, content)
+    content = fits_object(results, settings.as_object(), reading)
+    write_fits(folder, content, reading.refusals)
     write_cohort_figures(folder / "figures", content)
     say(f"report: {write_fit_page(folder, content, drawings=folder / 'figures')}")
     changed = digest_of(o.file) != reading.digest

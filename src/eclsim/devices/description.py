@@ -512,14 +512,12 @@ class Columns:
         needed: columns that every such table has; cells are empty if the device is absent.
         optional: columns that a table may have.
         usual: values of keys of the section for rows with empty optional columns.
-        measured: columns that may be in clinical data.
         settings: keys of the section that may also be columns, under their own names.
     """
 
     needed: Mapping[str, str] = field(default_factory=dict)
     optional: Mapping[str, str] = field(default_factory=dict)
     usual: Mapping[str, Any] = field(default_factory=dict)
-    measured: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
 
 

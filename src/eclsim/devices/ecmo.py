@@ -713,7 +713,6 @@ class EcmoDevice(Device[Ecmo]):
         ({"ecmo_mode": "mode"}
         | {f"{line}_{what}": f"{line}_{what}" for line in LINES for what in ("site", "cannula")}),
         {"mode": "VA"},
-        ("ecmo_speed_rpm",),
         GAS_KEYS,
     )  # fmt: skip
     alike = (_PRESSURES_BEHIND_PUMP, ("lowest_drainage_pressure", "pump_inlet_pressure"))

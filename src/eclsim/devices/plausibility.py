@@ -83,7 +83,8 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
             remarks.warning(f"{key}.speed_rpm", message, "0")
     elif not low <= speed <= high:
         message = f"outside the usual speed of a {name}, {span}"
-        remarks.warning(f"{key}.speed_rpm", message, shown(speed))
+        hint = suspected_unit(speed, "rpm", pumps[name].usual_speed_rpm, (low, high))
+        remarks.warning(f"{key}.speed_rpm", message, shown(speed), hint)
 
 
 def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,30 +20,49 @@ from eclsim.identification.track_report import track_page
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
 
 if TYPE_CHECKING:
+    from eclsim.cases.cohort import CohortReading
     from eclsim.identification.fit import FitResult
     from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import FitProfiles
-    from eclsim.inputs.mistakes import Mistake
 
 SUMMARY = "identification.json"
 TRACK_SUMMARY = "track.json"
+REFUSED = "refused"
+"""Verdict in the table of verdicts on a row that could not be used."""
 _QUANTILES = ("median", "lower", "upper")
+_NONE: Mapping[str, str] = MappingProxyType({})
 
 
 def fits_object(
-    results: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], refused: Iterable[Mistake] = ()
+    results: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], reading: CohortReading | None = None
 ) -> dict[str, Any]:
-    """Collect all data points, R2, refused rows and the settings of the fits as one object."""
+    """Collect all data points, R2, refused rows and the settings of the fits as one object.
+
+    Args:
+        results: fits, as plain data.
+        settings: settings of the fits, as plain data.
+        reading: the table of the data points; None for a single case.
+    """
+    patients = {} if reading is None else {line: patient for patient, line in reading.refused_rows}
     return {
         "points": list(results),
         "r2": r_squared(results),
-        "refused": [{"line": m.line, "column": m.key, "message": str(m)} for m in refused],
+        "refused": [
+            {"line": m.line, "patient_id": patients.get(m.line or 0, ""), "column": m.key, "message": str(m)}
+            for m in (() if reading is None else reading.refused)
+        ],
         "settings": dict(settings),
     }
 
 
-def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
-    """Write identification.json, outputs.csv, parameters.csv and verdicts.csv."""
+def write_fits(folder: Path, content: Mapping[str, Any], refusals: Mapping[str, str] = _NONE) -> None:
+    """Write identification.json, outputs.csv, parameters.csv and verdicts.csv.
+
+    Args:
+        folder: folder of the files, created if necessary.
+        content: as returned by `fits_object`.
+        refusals: rows that could not be used, such as "line 3 (P01)", with the reason.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / SUMMARY)
     outputs = (
@@ -73,6 +93,7 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
         for p in content["points"]
         for r in p["verdict"]["reasons"] or [dict.fromkeys(keys, "")]
     ]
+    reasons += [(row, REFUSED, "", "", "", why) for row, why in refusals.items()]
     write_texts(folder, {
         "outputs.csv": csv_text(outputs, rows), "parameters.csv": csv_text(head, parameters),
         "verdicts.csv": csv_text(("id", "verdict", *keys), reasons),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.arguments import Kind, OneOf, check_fields, number_of, written
+from eclsim.cases.doubts import speeds_too_low
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
@@ -19,6 +20,7 @@ from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, unit_of
 from eclsim.inputs.mistakes import CaseError, Mistake, Remarks, as_names, shown
+from eclsim.inputs.sections import NOT_FITTED
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
@@ -457,11 +459,12 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         message = "a target; a fit needs the speed at which the pump ran"
         value = shown(getattr(instance.section, target.key))
         checked.error(f"{instance.key}.{target.key}", message, value, allowed)
+    checked.mistakes += speeds_too_low(case)
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
         if value is None and name in BEAT_OUTPUTS:
-            checked.note(f"measurements.{name}", "not measured, so not fitted")
+            checked.note(f"measurements.{name}", NOT_FITTED)
         elif value is not None and name not in known:
             message = f"not fitted: the case has no such output{unavailable(name, known)}"
             checked.warning(f"measurements.{name}", message, shown(value))

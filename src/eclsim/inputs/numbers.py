@@ -17,6 +17,7 @@ _MISSING = frozenset(
 NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 _GROUPED_NUMBER = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
 _DIGIT_GROUPS = re.compile("\\d{1,3}(?:[ '\u00a0\u2009\u202f]\\d{3})+")
 _LETTERS_LIKE_DIGITS = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
@@ -183,9 +184,20 @@ def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
             field.allowed,
             "",
         )
+    if _THOUSANDS.fullmatch(stripped) and _is_in_thousands(stripped, field):
+        return "a thousands separator; write digits only", field.allowed, stripped.replace(",", "")
     if _DECIMAL_COMMA.fullmatch(stripped):
         return "a decimal comma; write a decimal point", field.allowed, stripped.replace(",", ".")
     return "not a number", field.allowed, ""
+
+
+def _is_in_thousands(text: str, field: Field) -> bool:
+    """Whether a number with a comma is nearer to a typical value if the comma separates thousands."""
+    typical = field.typical or 1.0
+    decimal, whole = (float(text.replace(",", sign)) for sign in (".", ""))
+    if not field.minimum <= whole <= field.maximum or whole / typical <= 0.0:
+        return False
+    return abs(math.log(whole / typical)) < abs(math.log(decimal / typical))
 
 
 def _kind(value: object) -> str:

@@ -31,6 +31,8 @@ _MARKS = "not fitted|fitted|doubtful fit|poor fit|fit without a verdict|central 
 _MARK = re.compile(rf" \((?:(?:{_MARKS})(?:, changed)?|changed)\)$")
 """Mark that the page adds to an id in files; its comma is not that between surname and first name."""
 _LONGEST_CHECKED_TEXT = 100
+NOT_FITTED = "not measured, so not fitted"
+"""Note on a measurement that is written as missing."""
 
 
 class Section(BaseModel):
@@ -165,7 +167,7 @@ def check_section(
 def check_field(key: str, value: object, field: Field, values: dict[str, Any], remarks: Remarks) -> None:
     """Read one value into `values`, or record why it is refused."""
     if field.may_be_missing and (value is None or is_missing(value)):
-        message = "not measured, so not fitted" if key.startswith("measurements") else "not given"
+        message = NOT_FITTED if key.startswith("measurements") else "not given"
         remarks.note(key, message, shown(value))
         return
     try:
