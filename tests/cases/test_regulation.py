@@ -61,7 +61,8 @@ def read(**sections):
         ("fluid", {"extra_volume_l": 1},
          "fluid.extra_volume_l = 1: unknown key; allowed: extra_volume_ml, capillary_refill, haematocrit, "
          "reference_haematocrit, plasma_protein_g_dl, interstitial_protein_g_dl, interstitial_volume_ml, "
-         "filtration_ml_min_mmHg, reflection, lymph_ml_min, lymph_pump, pericapillary_share; did you mean "
+         "filtration_ml_min_mmHg, reflection, lymph_ml_min, lymph_pump, pericapillary_share, venular_tone; "
+         "did you mean "
          "extra_volume_ml?"),
         ("fluid", {"haematocrit": 30},
          "fluid.haematocrit = 30: a percentage; a fraction belongs here; allowed: 0.05 to 0.7; did you "
