@@ -96,6 +96,14 @@ def test_table_and_terminal_count_the_same_alarms_and_impossible_beats_are_named
     assert shown[2] == ["P", "stopped"]
 
 
+def test_files_that_a_killed_process_left_unfinished_are_removed(tmp_path):
+    (tmp_path / "courses").mkdir()
+    (tmp_path / "courses" / ".eclsim-x1y2.nc").write_text("half")
+    write_courses([summarised(drawn([70.0], (0.0,)))], tmp_path)
+    left = sorted(path.name for path in (tmp_path / "courses").iterdir())
+    assert left == ["P_course.csv", "P_course.nc"]
+
+
 def summarised(course, message=""):
     """A course with the attributes that files of a cohort need."""
     status = "stopped" if message else "finished"

@@ -12,6 +12,7 @@ from eclsim.cases.fit_mark import DOUBTS, untrusted, with_doubts
 from eclsim.course.drug import drug_record
 from eclsim.course.result import TIME, impossible_moments, undetermined_moments
 from eclsim.files import (
+    PARTIAL,
     csv_text,
     file_stem,
     file_stems,
@@ -185,7 +186,8 @@ def write_courses(
 ) -> dict[str, Any]:
     """Write table and NetCDF file of each course of a cohort, and a summary, which is returned.
 
-    Courses of an earlier cohort in the folder are removed, since they would be read as part of this one.
+    Courses of an earlier cohort in the folder are removed, since they would be read as part of this one, and
+    so are unfinished files. Only one process at a time may write to the folder.
     """
     content, places = cohort_object(results, refused), folder / COURSES
     stems = course_stems([str(course.attrs["id"]) for course in results])
@@ -194,6 +196,8 @@ def write_courses(
     for old in places.glob("*_course.*"):
         if old.suffix in (".csv", ".nc") and old.stem not in kept:
             old.unlink()
+    for partial in places.glob(f"{PARTIAL}*"):  # of a process that was killed
+        partial.unlink()
     for stem, course in begun:
         write_tables(course, places, stem)
     write_json(content, folder / SUMMARY)
