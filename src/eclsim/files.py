@@ -35,6 +35,8 @@ ORIGIN = {MADE_BY: VERSION_NAME}
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _Cell = TypeVar("_Cell")
 
+PARTIAL = ".eclsim-"
+"""Beginning of the name of a file that is being written."""
 _FILE_MODE = 0o644
 # HDF5 buries the system's error number in a long text, and sometimes raises RuntimeError instead of OSError.
 _HDF5_ERROR = re.compile(r"file write failed: .*?errno = (\d+)", re.DOTALL)
@@ -60,7 +62,7 @@ def whole_file(path: Path, least_bytes: int = 0) -> Iterator[Path]:
     try:
         if least_bytes and least_bytes > shutil.disk_usage(path.parent).free:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        handle, name = tempfile.mkstemp(prefix=".eclsim-", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=PARTIAL, suffix=path.suffix, dir=path.parent)
         os.close(handle)
         partial = Path(name)
         yield partial

@@ -175,7 +175,7 @@ def test_rows_that_are_not_followed_are_in_the_results_too(shell):
     found = json.loads(done.stdout)
     assert [course["id"] for course in found["courses"]] == ["P01/1"]
     assert found["refused"] == {"line 3 (P01)": 'CO = "six": not a number; allowed: 0 to 20 L/min'}
-    assert 'line 3 (P01),refused,,,,"CO = ""six"": not a number' in (out / "courses.csv").read_text()
+    assert 'line 3 (P01),refused,,,,,"CO = ""six"": not a number' in (out / "courses.csv").read_text()
 
 
 def test_events_of_a_file_have_to_fit_each_patient(shell):

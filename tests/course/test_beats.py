@@ -83,7 +83,8 @@ def test_what_is_given_is_there(followed):
 def test_shown_beats_are_so_far_apart(followed):
     own, beats, _ = followed
     sparse = course_beats(own, minutes=1.2, every_min=0.25, outputs=("MAP",))
-    np.testing.assert_allclose(sparse["time_min"], [0.0, 0.25, 0.5, 0.75, 1.0], atol=0.013)
+    expected = [0.0, 0.25, 0.5, 0.5, 0.75, 1.0, 1.0]  # with the last beat before each event
+    np.testing.assert_allclose(sparse["time_min"], expected, atol=0.013)
     shared = beats["MAP"].sel(time_min=sparse["time_min"].to_numpy(), method="nearest").to_numpy()
     np.testing.assert_allclose(sparse["MAP"], shared, rtol=1e-9)
 
@@ -97,10 +98,29 @@ def test_another_circuit_is_refused(tmp_path):
 
 def test_every_beat_behind_an_event_is_shown_however_many_there_are():
     shown = ShownBeats(None, most=8, events=(100.0,))
-    for k in range(400):
-        beat = RecordedBeat(0.5 * k, *(np.zeros(1),) * 3, {}, {}, np.zeros(1), None)
-        shown.add_if_due(beat.time, beat)
-    times = [beat.time for beat in shown.beats]
+    times = times_shown(shown, 0.5 * np.arange(400))
     assert times == sorted(times)
     assert [t for t in times if 100.0 <= t < 115.0] == [100.0 + 0.5 * k for k in range(30)]
-    assert len(times) <= 8 + 30
+    assert len(times) <= 1 + 8 + 30
+
+
+@pytest.mark.parametrize("every", [None, 30.0])
+def test_the_beats_on_both_sides_of_an_event_are_shown(every):
+    """With a heart rate that varied, the flow of a pump fell over the minute before the pump stopped."""
+    begins = 0.683 * np.arange(600)
+    shown = ShownBeats(every, most=8, events=(100.0, 300.0, 307.0))
+    times = times_shown(shown, begins)
+    assert len(times) == len(set(times))
+    for event in shown.events:
+        assert {begins[begins < event][-1], begins[begins >= event][0]} <= set(times)
+
+
+def test_a_beat_that_begins_at_an_event_is_the_first_after_it():
+    times = times_shown(ShownBeats(30.0, events=(0.0, 10.0)), np.arange(20.0))
+    assert times == [0.0, 9.0, 10.0]
+
+
+def times_shown(shown, begins):
+    for time in begins.tolist():
+        shown.add_if_due(time, RecordedBeat(time, *(np.zeros(1),) * 3, {}, {}, np.zeros(1), None))
+    return [beat.time for beat in shown.beats]

@@ -1,5 +1,6 @@
 """Courses of a cohort and of draws: as followed side by side, resumable, what failed said."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import eclsim.course.cohort as cohort
 from eclsim.cases import read_case
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import with_mark
+from eclsim.cli.course import _cohort_text
 from eclsim.course.band import band_object, band_of, course_band
 from eclsim.course.course import course_many
 from eclsim.course.files import write_band_tables, write_courses
@@ -74,6 +76,39 @@ def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path)
     write_courses(whole[:1], tmp_path)
     left = sorted(path.name for path in (tmp_path / "courses").iterdir())
     assert left == ["P01_course.csv", "P01_course.nc", "notes.txt"], "those of another cohort are gone"
+
+
+def test_table_and_terminal_count_the_same_alarms_and_impossible_beats_are_named(tmp_path):
+    """An arrest was no alarm in `courses.csv`, and a course that never began had none, too."""
+    kinds = ("collapse", "alarm", "warning", "caution")
+    broken = [{"kind": kind, "quantity": "MAP", "at_min": 4.0} for kind in kinds]
+    arrest = drawn([70.0, 20.0, 20.0], (0.0, 5.0, 15.0), alarms=broken)
+    arrest["impossible"] = ("time_min", [0, 0, 1])
+    lost = summarised(drawn([], ()).drop_vars("MAP"), "not begun")
+    courses = [summarised(arrest), summarised(drawn([70.0], (0.0,))), lost]
+    content = write_courses(courses, tmp_path)
+    rows = list(csv.DictReader((tmp_path / "courses.csv").read_text().splitlines()))
+    assert [row["alarms"] for row in rows] == ["2", "0", ""]
+    assert [row["impossible_from_min"] for row in rows] == ["15", "", ""]
+    assert [one["impossible_from_min"] for one in content["courses"]] == [15.0, None, None]
+    shown = [line.split() for line in _cohort_text(content).splitlines()[1:]]
+    assert shown[0][:4] == ["P", "finished", "00:15", "2"]
+    assert shown[2] == ["P", "stopped"]
+
+
+def test_files_that_a_killed_process_left_unfinished_are_removed(tmp_path):
+    (tmp_path / "courses").mkdir()
+    (tmp_path / "courses" / ".eclsim-x1y2.nc").write_text("half")
+    write_courses([summarised(drawn([70.0], (0.0,)))], tmp_path)
+    left = sorted(path.name for path in (tmp_path / "courses").iterdir())
+    assert left == ["P_course.csv", "P_course.nc"]
+
+
+def summarised(course, message=""):
+    """A course with the attributes that files of a cohort need."""
+    status = "stopped" if message else "finished"
+    about = {"status": status, "message": message, "case_values": "{}", "balance": "{}", "warnings": []}
+    return course.assign_attrs(about, cautions=[], approximations=[])
 
 
 @pytest.mark.slow

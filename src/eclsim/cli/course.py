@@ -490,16 +490,17 @@ def _band_text(band: xr.Dataset) -> str:
 def _cohort_text(content: Mapping[str, Any]) -> str:
     """Format the outcome and first alarm of each patient as a table."""
     from eclsim.course.alarms import clock_time
-    from eclsim.goals.result import ALARM_KINDS
+    from eclsim.course.files import grave_alarms
 
     rows = []
     for one in content["courses"]:
-        alarms = [alarm for alarm in one["alarms"] if alarm["kind"] in ALARM_KINDS]
-        first = min(alarms, key=lambda alarm: alarm["at_min"], default=None)
+        alarms = grave_alarms(one)
+        first = min(alarms or (), key=lambda alarm: alarm["at_min"], default=None)
         text = "" if first is None else f"{first['quantity']} at {clock_time(first['at_min'])}"
         if (blank := one["undetermined_from_min"]) is not None:
             unknown = f"valves stay shut from {clock_time(blank)}: alarms unknown there"
             text = f"{text}; {unknown}" if text else unknown
         end = "" if one["minutes"] is None else clock_time(one["minutes"])
-        rows.append((str(one["id"]), str(one["status"]), end, str(len(alarms)), text))
+        count = "" if alarms is None else str(len(alarms))
+        rows.append((str(one["id"]), str(one["status"]), end, count, text))
     return text_table(("patient", "course", "until", "alarms", "first alarm"), rows, (3,))

@@ -82,7 +82,8 @@ def course_beats(
     Args:
         case: path of a case file, what `read_case` returned, or a case.
         minutes: duration [min].
-        every_min: interval between beats shown [min]; None shows every beat or about 1,200 of them.
+        every_min: interval between beats shown [min]; None shows every beat or about 1,200 of them. The beats
+            just before and after an event are always shown.
         outputs: names of outputs, as in the registry; None for all that the circuit has.
         volume_policy: blood volume policy; None takes that of the case.
 
@@ -227,8 +228,9 @@ class MarchState(NamedTuple):
 class ShownBeats:
     """Selection of the beats that are shown: at a fixed interval, or as many as allowed.
 
-    The largest number does not include beats soon after events: changes are fast there, and alarms are judged
-    from the beats that are shown.
+    The last beat that begins before an event and the first one after it are always shown, so that no curve
+    changes ahead of the event. The largest number does not include beats before and soon after events:
+    changes are fast there, and alarms are judged from the beats that are shown.
 
     Args:
         every: interval [s]; None for as many beats as allowed.
@@ -241,13 +243,14 @@ class ShownBeats:
     ):
         self.every, self.most, self.events = every, most, np.asarray(events, dtype=float)
         self._next, self._stride, self._count = 0.0, 1, 0
-        self._spread, self._after_events = list[RecordedBeat](), list[RecordedBeat]()
+        self._spread, self._around_events = list[RecordedBeat](), list[RecordedBeat]()
         self._last: RecordedBeat | None = None
 
     @property
     def beats(self) -> list[RecordedBeat]:
         """Beats shown, in order of time."""
-        return sorted([*self._spread, *self._after_events], key=lambda beat: beat.time)
+        by_time = {beat.time: beat for beat in (*self._spread, *self._around_events)}
+        return [by_time[time] for time in sorted(by_time)]
 
     @property
     def with_last(self) -> list[RecordedBeat]:
@@ -257,10 +260,13 @@ class ShownBeats:
 
     def add_if_due(self, time: float, beat: RecordedBeat) -> None:
         """Add a beat if it is to be shown."""
-        self._last = beat
+        before, self._last = self._last, beat
         since = time - self.events
-        if self.every is None and bool(((since > -1e-9) & (since < EVERY_BEAT_AFTER_EVENT_S)).any()):
-            self._after_events.append(beat)
+        begun = since > -1e-9
+        if before is not None and bool((begun & (before.time - self.events <= -1e-9)).any()):
+            self._around_events += [before, beat]
+        if self.every is None and bool((begun & (since < EVERY_BEAT_AFTER_EVENT_S)).any()):
+            self._around_events.append(beat)
             return
         due = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1

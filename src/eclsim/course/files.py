@@ -12,6 +12,7 @@ from eclsim.cases.fit_mark import DOUBTS, untrusted, with_doubts
 from eclsim.course.drug import drug_record
 from eclsim.course.result import TIME, impossible_moments, undetermined_moments
 from eclsim.files import (
+    PARTIAL,
     csv_text,
     file_stem,
     file_stems,
@@ -21,11 +22,13 @@ from eclsim.files import (
     write_netcdf,
     write_text,
 )  # fmt: skip
+from eclsim.goals.result import ALARM_KINDS
 from eclsim.orbit.model import CASE
 from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.simulation.files import column_head
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
 COURSES, GROUPS, SUMMARY, TABLE = "courses", "groups", "courses.json", "courses.csv"
@@ -65,7 +68,8 @@ def cohort_object(results: Sequence[xr.Dataset], refused: Mapping[str, str] | No
     """Courses of a cohort as plain data for JSON: the result of each, without its moments.
 
     `undetermined_from_min` is the first moment whose pressures the case does not determine, as valves stay
-    shut; from there on no alarm can be raised. None if there is none.
+    shut; from there on no alarm can be raised. `impossible_from_min` is the first moment whose beat no
+    patient can have, or that follows an arrest that is not survived. None if there is none.
 
     Args:
         results: courses.
@@ -88,10 +92,21 @@ def cohort_object(results: Sequence[xr.Dataset], refused: Mapping[str, str] | No
     for course, result in zip(courses, results, strict=True):
         minute = result[TIME].to_numpy()
         course["minutes"] = float(minute[-1]) if len(minute) else None
-        blank = minute[undetermined_moments(result)]
-        course["undetermined_from_min"] = float(blank[0]) if len(blank) else None
+        course["undetermined_from_min"] = _first(minute[undetermined_moments(result)])
+        course["impossible_from_min"] = _first(minute[impossible_moments(result)])
     failed = sum(not course["converged"] for course in courses)
     return {"courses": courses, "failed": failed, "refused": dict(refused or {})}
+
+
+def _first(minutes: np.ndarray) -> float | None:
+    return float(minutes[0]) if len(minutes) else None
+
+
+def grave_alarms(course: Mapping[str, Any]) -> list[dict[str, Any]] | None:
+    """Alarms and collapses of a course of `cohort_object`, without warnings; None if it did not begin."""
+    if course["minutes"] is None:
+        return None
+    return [alarm for alarm in course["alarms"] if alarm["kind"] in ALARM_KINDS]
 
 
 def course_stem(name: str) -> str:
@@ -171,7 +186,8 @@ def write_courses(
 ) -> dict[str, Any]:
     """Write table and NetCDF file of each course of a cohort, and a summary, which is returned.
 
-    Courses of an earlier cohort in the folder are removed, since they would be read as part of this one.
+    Courses of an earlier cohort in the folder are removed, since they would be read as part of this one, and
+    so are unfinished files. Only one process at a time may write to the folder.
     """
     content, places = cohort_object(results, refused), folder / COURSES
     stems = course_stems([str(course.attrs["id"]) for course in results])
@@ -180,19 +196,24 @@ def write_courses(
     for old in places.glob("*_course.*"):
         if old.suffix in (".csv", ".nc") and old.stem not in kept:
             old.unlink()
+    for partial in places.glob(f"{PARTIAL}*"):  # of a process that was killed
+        partial.unlink()
     for stem, course in begun:
         write_tables(course, places, stem)
     write_json(content, folder / SUMMARY)
-    head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message", "approximations")
+    numbers = ("minutes", "alarms", "impossible_from_min", "MAP_lowest_mmHg")
+    head = ("id", "status", *numbers, "message", "approximations")
     rows = []
     for course, result in zip(content["courses"], results, strict=True):
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
-        count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
+        count = None if (grave := grave_alarms(course)) is None else len(grave)
+        found = course["minutes"], count, course["impossible_from_min"], lowest
         said = course["message"], "; ".join(result.attrs["approximations"])
         others = [one for one in result.attrs["cautions"] if NOT_THE_MEASURED in one]
         doubts = "; ".join([*untrusted(result.attrs["warnings"]), *others])
-        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said, doubts))
-    rows += [(name, "refused", None, None, None, why, "", "") for name, why in content["refused"].items()]
+        rows.append((course["id"], course["status"], *found, *said, doubts))
+    unknown = (None,) * len(numbers)
+    rows += [(name, "refused", *unknown, why, "", "") for name, why in content["refused"].items()]
     doubted = any(row[-1] for row in rows)
     text = csv_text((*head, DOUBTS), rows) if doubted else csv_text(head, (row[:-1] for row in rows))
     write_text(text, folder / TABLE)

@@ -78,8 +78,9 @@ def attributes_of(
     among `warnings`. `balance` is empty if the course did not begin. `case_values` are parameters that differ
     from those of the case, such as those of a draw.
     """
-    of_course = [*remarks_on_fluids(timeline), *remarks_on_drugs(timeline), *remarks]
-    cautions = of_course if balance else []  # none if the course did not begin
+    cautions = []
+    if balance:  # a course that did not begin may lack the values to remark on, such as a pump speed
+        cautions = [*remarks_on_fluids(timeline), *remarks_on_drugs(timeline), *remarks]
     return {
         **ORIGIN,
         "id": timeline.case.patient.id,
