@@ -35,8 +35,8 @@ ORIGIN = {MADE_BY: VERSION_NAME}
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _Cell = TypeVar("_Cell")
 
-PARTIAL = ".eclsim-"
-"""Beginning of the name of a file that is being written."""
+PARTIAL, LOCK = ".eclsim-", ".eclsim-lock"
+"""Beginning of the name of a file that is being written, and of the lock of a folder that is in use."""
 _FILE_MODE = 0o644
 # HDF5 buries the system's error number in a long text, and sometimes raises RuntimeError instead of OSError.
 _HDF5_ERROR = re.compile(r"file write failed: .*?errno = (\d+)", re.DOTALL)

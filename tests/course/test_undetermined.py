@@ -17,6 +17,7 @@ from eclsim.course.course import course
 from eclsim.course.figures import plot_course
 from eclsim.course.files import cohort_object, course_object, write_tables
 from eclsim.course.result import undetermined_in_words, undetermined_moments
+from eclsim.outputs.gas import of_moving_blood
 
 CASE = {
     "format": 1,
@@ -144,8 +145,10 @@ def test_blood_that_stands_still_is_not_drawn_as_mixed_venous(arrest):
     stood = np.abs(arrest["pulmonary_flow"].to_numpy()) < 1e-3
     assert stood.any()
     assert not stood.all()
-    of_pulmonary_artery = arrest["MAP"].copy(data=np.full(stood.size, 70.0))
-    fig = plot_course(arrest.assign(SvO2=of_pulmonary_artery, SaO2=of_pulmonary_artery))
+    of_arteries = arrest["MAP"].copy(data=np.full(stood.size, 70.0))
+    numbers = {"SvO2": of_arteries.to_numpy(), "pulmonary_flow": arrest["pulmonary_flow"].to_numpy()}
+    of_pulmonary_artery = of_arteries.copy(data=of_moving_blood(numbers)["SvO2"])
+    fig = plot_course(arrest.assign(SvO2=of_pulmonary_artery, SaO2=of_arteries))
     curves = {line.get_label(): line.get_ydata() for ax in fig.axes for line in ax.lines}
     assert (np.isnan(curves["pulmonary artery"]) == stood).all()
     assert np.isfinite(curves["arteries"]).all()

@@ -11,7 +11,7 @@ import pytest
 from eclsim.cases.reading import read_mapping
 from eclsim.execution import Distribution, ExecutionError, Executor, Shard, ShardDone
 from eclsim.execution import folder as folder_module
-from eclsim.files import whole_file
+from eclsim.files import LOCK, PARTIAL, whole_file
 from eclsim.sensitivity import runs as runs_module
 from eclsim.sensitivity.analysis import Analysis, SobolSettings, merge_shards, run_analysis, sensitivity
 from eclsim.sensitivity.design import Design
@@ -384,3 +384,13 @@ def test_runs_that_no_patient_can_have_are_counted_and_said():
     assert indices.as_object()["impossible"] == indices.impossible > 0
     assert any(f"{indices.impossible} of the runs that count" in text for text in indices.doubts)
     assert not any("no patient" in text for text in replace(indices, impossible=0).doubts)
+
+
+def test_the_lock_of_a_running_command_outlives_the_blocks(tmp_path, plan):
+    """It was deleted with the files of killed processes, so that a second command could begin."""
+    lock, left = tmp_path / f"{LOCK}", tmp_path / f"{PARTIAL}12345"
+    for path in (lock, left):
+        path.write_text("")
+    run(plan, tmp_path)
+    assert lock.exists()
+    assert not left.exists()

@@ -12,9 +12,8 @@ from typing import IO
 
 from eclsim.cli.console import fail, refuse, say
 from eclsim.execution import ExecutionError
-from eclsim.files import write_json
+from eclsim.files import LOCK, write_json
 
-LOCK = ".eclsim-lock"
 STANDARD_OUTPUT = "-"
 Target = Path | str | None
 """A path, "-" for standard output, or None for nothing."""

@@ -26,7 +26,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
-from eclsim.files import whole_file
+from eclsim.files import LOCK, PARTIAL, whole_file
 from eclsim.gas.network import GasStatus
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.inputs import Description
@@ -268,7 +268,8 @@ class SampleFolder:
             with whole_file(self.samples) as partial_file:
                 _write(partial_file, inputs | _columns(runs, self.outputs), self._about | {"samples": rows})
         folder = self.blocks.folder
-        for path in [*folder.glob("block-*"), *folder.glob(".eclsim-*"), *self.path.glob(".eclsim-*")]:
+        unfinished = (*folder.glob(f"{PARTIAL}*"), *self.path.glob(f"{PARTIAL}*"))
+        for path in [*folder.glob("block-*"), *(one for one in unfinished if not one.name.startswith(LOCK))]:
             path.unlink(missing_ok=True)
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
