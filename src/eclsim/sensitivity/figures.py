@@ -80,9 +80,15 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
     doubts += [f"{indices.domain[0].upper()}{indices.domain[1:]}"] if indices.domain else []
     ranges = wrap(own_ranges_text(indices.inputs), LONGEST_SENTENCE, initial_indent="Inputs: ")
+    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges], _title(result))
+
+
+def _title(result: SensitivityResult) -> str:
+    """Patient and state, as far as they are known."""
     patient = json.loads(result.case_json)["patient"]["id"] if result.case_json else ""
-    title = f"{plain_text(patient, 50)} – sensitivity" if patient else ""
-    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges], title)
+    state = f"{result.indices.state} state" if result.indices.state else ""
+    named = f"{plain_text(patient, 50)} – sensitivity" if patient else ""
+    return ", ".join(filter(None, (named, state)))
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:

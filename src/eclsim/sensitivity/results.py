@@ -90,6 +90,7 @@ class Indices:
         until: half width that every total order was to reach; None if the number of rows was fixed.
         inputs: the inputs with their ranges.
         stored: number of the runs that an earlier start had stored, for which `seconds` does not count.
+        state: name of the state of `eclsim sensitivity --states`; empty for the case's own values.
     """
 
     factors: tuple[str, ...]
@@ -107,6 +108,7 @@ class Indices:
     until: float | None = None
     inputs: tuple[Input, ...] = ()
     stored: int = 0
+    state: str = ""
 
     @property
     def ranked(self) -> bool:
@@ -224,6 +226,7 @@ class Indices:
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
+            **({"state": self.state} if self.state else {}),
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
             "rows_used": self.rows_used, "rows_lost": self.rows_lost, "domain": self.domain,
