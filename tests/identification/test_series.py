@@ -180,16 +180,17 @@ def test_tables_picture_and_labelled_result_name_what_is_doubtful_or_was_not_use
     write_tracks(tmp_path, {"series": [series], "refused": [], "settings": {"drifts": [0.1]}})
     parameters, of_outputs = (
         [
-            (r["id"], r.get("output"), r["doubts"])
+            (r["id"], r.get("output"), r["unit"], r["doubts"])
             for r in csv.DictReader((tmp_path / name).read_text().splitlines())
         ]
         for name in ("parameters.csv", "outputs.csv")
     )
     lost = "not used: no steady heartbeat"
+    unit = "mmHg s/mL"
     assert parameters == [
-        ("1", None, "; ".join(doubts)), ("2", None, lost), ("3", None, ""),
+        ("1", None, unit, "; ".join(doubts)), ("2", None, unit, lost), ("3", None, unit, ""),
     ]  # fmt: skip
-    flow, pressure = ("CO",), ("MAP",)
+    flow, pressure = ("CO", "L/min"), ("MAP", "mmHg")
     assert of_outputs == [
         ("1", *flow, "; ".join(doubts)), ("1", *pressure, doubts[1]), ("2", *pressure, lost),
         ("3", *flow, ""), ("3", *pressure, ""),

@@ -165,9 +165,9 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / TRACK_SUMMARY)
     each = [(s["id"], p) for s in content["series"] for p in s["points"]]
-    head = ("patient", "id", "parameter", *_QUANTILES, DOUBTS)
+    head = ("patient", "id", "parameter", "unit", *_QUANTILES, DOUBTS)
     rows = (
-        (s, p["id"], n, *(i[q] for q in _QUANTILES), doubts_of_point(p))
+        (s, p["id"], n, unit_of_parameter(n), *(i[q] for q in _QUANTILES), doubts_of_point(p))
         for s, p in each
         for n, i in p["parameters"].items()
     )
@@ -188,7 +188,7 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
 
 
 _TRACKED_HEAD = (
-    "patient", "id", "output", "measured", "deviation", "unusual", "used", "met",
+    "patient", "id", "output", "unit", "measured", "deviation", "unusual", "used", "met",
     *(f"forecast_{q}" for q in _QUANTILES), *(f"expected_{q}" for q in _QUANTILES), *_QUANTILES,
     DOUBTS,
 )  # fmt: skip
@@ -203,4 +203,4 @@ def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Seq
             quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
             columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used", "met")]
             doubts = doubts_of_point(point, name)
-            yield (patient, point["id"], name, *columns, *quantiles, doubts)
+            yield (patient, point["id"], name, unit_of(name), *columns, *quantiles, doubts)
