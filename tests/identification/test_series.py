@@ -256,3 +256,14 @@ def test_a_poor_first_estimate_stands_above_each_figure(tmp_path):
     texts = [path.read_text(encoding="utf-8") for path in figures if path.suffix == ".svg"]
     assert len(texts) == 2
     assert all("first estimate (1): POOR FIT, not to be used" in text for text in texts)
+
+
+def test_a_patient_without_a_steady_beat_at_any_time_has_no_figures(tmp_path):
+    """A division by zero: nothing was written."""
+    lost = {"MAP": Innovation(9.0, used=False)}
+    point = TrackedPoint("1", lost, {}, {}, 0.1, failed=True, message="no steady heartbeat")
+    series = TrackResult("P", (point,), 24.0).as_object()
+    content = {"series": [series], "refused": [], "settings": {"drifts": [0.1]}}
+    assert write_tracks(tmp_path, content) == []
+    assert "no steady heartbeat" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "no steady heartbeat" in (tmp_path / "outputs.csv").read_text(encoding="utf-8")

@@ -174,6 +174,8 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     figures, drawings = [], {}
     for series in content["series"]:
         for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
+            if not any(point[key] for point in series["points"]):
+                continue
             figure = plot(series)
             write_above(figure, doubts_of_first(series), f"{plain_text(series['id'], 50)} – followed")
             saved = save_figure(figure, folder / "figures" / f"{stem(series['id'])}_{key}")
