@@ -115,8 +115,13 @@ def test_bars_with_names_of_devices_can_be_read(indices, rows_used, width):
         low, high = axes.get_xlim()
         shown = [t for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
         assert len(shown) > 1
-        ends = [(t.get_window_extent().x0, t.get_window_extent().x1) for t in shown]
-        assert all(right < left for (_, right), (left, _) in pairwise(ends))
+        assert apart(shown)
+
+
+def apart(texts) -> bool:
+    """Whether texts beside each other do not overlap."""
+    boxes = [text.get_window_extent() for text in texts]
+    return all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 def within(fig, artist) -> bool:
@@ -125,20 +130,22 @@ def within(fig, artist) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("rows", "named"), [((16, 32, 64), "16 32 64"), ((16, 32, 64, 128, 256, 512), "32 128 512")]
+    ("sizes", "named"), [(3, "16 32 64"), (4, "16 32 64 128"), (6, "32 128 512"), (11, "32 256 2048 16384")]
 )
-def test_convergence_names_sample_sizes_and_marks_each(rows, named):
+def test_convergence_names_sample_sizes_and_marks_each(sizes, named):
     """Only the last size was named, and there were no marks at the others."""
+    rows = [16 << k for k in range(sizes)]
     factors = ("ecmo.speed_rpm", *(f"crrt.filtration_flow_{k}" for k in range(8)))
-    shape = len(rows), 2, 2, len(factors)
+    shape = sizes, 2, len(OUTPUTS), len(factors)
     dims = ("rows", "index", "output", "factor")
-    names = dict(zip(dims, (list(rows), ["S1", "ST"], ["SP", "CO"], list(factors)), strict=True))
+    names = dict(zip(dims, (rows, ["S1", "ST"], list(OUTPUTS), list(factors)), strict=True))
     data = {name: (dims, np.full(shape, 0.2)) for name in ("mean", "spread", "mean_conf")}
     fig = plot_convergence(xr.Dataset(data, names))
     fig.canvas.draw()
     assert within(fig, fig.legends[0])
     for axes in fig.axes:
-        assert axes.get_xticks().tolist() == list(rows)
+        assert axes.get_xticks().tolist() == rows
+        assert apart([t for t in axes.get_xticklabels() if t.get_text()])
         assert " ".join(filter(None, labels(axes))) == named
         assert all(line.get_marker() == "o" for line in axes.lines)
 

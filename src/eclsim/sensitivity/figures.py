@@ -57,7 +57,7 @@ LETTER_MM = 1.7
 SHORTEST_BARS_MM = 24.0
 """Least width of a panel of bars beside the names of its factors, with room for three tick labels."""
 SELECTED = " *"
-MOST_SIZES = 3
+MOST_SIZES = 4
 """Largest number of labelled sample sizes on an axis; the others have ticks alone."""
 LONGEST_LINE = 10
 """Number of letters above which the last part of a factor's name is broken at its first underscore."""
