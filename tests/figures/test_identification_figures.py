@@ -10,13 +10,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from eclsim.identification.figures import (
     plot_boxes,
     plot_correlation,
-    plot_outputs,
     plot_profiles,
     plot_residuals,
     plot_scatter,
     plot_slices,
     plot_starts,
 )
+from eclsim.identification.track_figures import plot_outputs, plot_parameters
 from eclsim.reporting.style import save_figure
 
 
@@ -126,6 +126,43 @@ def test_starts_are_told_apart_by_where_they_ended():
     assert [line.get_ydata().tolist() for line in right.lines] == [[0.0, 0.75], [0.5, 1.0], [0.5, 1.0]]
 
 
+INTERVAL = {"lower": 1.0, "median": 2.0, "upper": 3.0}
+POOR = {
+    "level": "poor", "reasons": [],
+    "goodness": {"differences": {"MPAP": 5.9}, "probability": 1e-6, "largest": "MPAP"},
+}  # fmt: skip
+
+
+def followed(**more) -> dict:
+    return {
+        "id": "1", "hours_since_last": 4.0, "parameters": {"Rmc": INTERVAL}, "expected": {},
+        "outputs": {"MPAP": INTERVAL, "CO": INTERVAL}, "measurements": {}, "verdict": None, "failed": False,
+        "message": "", "doubts": [], "doubtful": [], **more,
+    }  # fmt: skip
+
+
+def circles(figure) -> dict[str, list[float]]:
+    """Positions of the open circles, by the label of their panel."""
+    return {
+        ax.get_ylabel(): [x for line in ax.lines if "doubtful" in line.get_label() for x in line.get_xdata()]
+        for ax in figure.axes
+    }
+
+
+def test_what_the_tables_of_a_followed_patient_doubt_has_an_open_circle():
+    """After a poor first estimate only outputs that were not met had one, and no parameter ever."""
+    missed = {"doubts": ["MPAP: was used but not met"], "doubtful": ["MPAP"]}
+    points = [followed(verdict=POOR), followed(**missed), followed()]
+    series = {"id": "P", "points": points}
+    hours = {"Rmc [mmHg s/mL]\ndoubtful": [4.0, 8.0]}
+    assert circles(plot_parameters(series)) == hours
+    assert circles(plot_outputs(series)) == {
+        "MPAP [mmHg]\ndoubtful": [4.0, 8.0], "CO [L/min]\ndoubtful": [4.0]
+    }  # fmt: skip
+    good = {"id": "P", "points": [followed()]}
+    assert circles(plot_parameters(good)) == {"Rmc [mmHg s/mL]": []}
+
+
 @pytest.mark.slow
 def test_labels_of_panels_below_each_other_do_not_overlap():
     """Names such as pre_oxygenator_pressure ran over the panels above and below."""
@@ -134,7 +171,7 @@ def test_labels_of_panels_below_each_other_do_not_overlap():
         "post_oxygenator_pressure", "crrt_filter_pressure_drop", "crrt_return_pressure",
     )  # fmt: skip
     interval = {name: {"lower": 1.0, "median": 2.0, "upper": 3.0} for name in names}
-    one = {"id": "1", "hours_since_last": 4.0, "outputs": interval, "expected": interval, "measurements": {}}
+    one = followed(outputs=interval, expected=interval)
     figure = plot_outputs({"id": "P", "points": [one, one]})
     FigureCanvasAgg(figure).draw()
     boxes = [ax.yaxis.label.get_window_extent() for ax in figure.axes]

@@ -1,13 +1,16 @@
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.sensitivity import figures
 from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.figures import (
     plot_bars,
+    plot_convergence,
     plot_heat_map,
     plot_pairs,
     plot_sums,
@@ -80,7 +83,8 @@ def test_the_patient_and_doubts_about_the_fit_stand_above_every_figure(indices, 
     monkeypatch.setattr(figures, "_save", lambda *given: titles.append(given[-1]))
     case = json.dumps({"patient": {"id": "P01"}})
     write_sensitivity_figures(SensitivityResult(None, indices, None, case), tmp_path)
-    assert titles == ["P01 – sensitivity"]
+    write_sensitivity_figures(SensitivityResult(None, replace(indices, state="normal"), None, case), tmp_path)
+    assert titles == ["P01 – sensitivity", "P01 – sensitivity, normal state"]
 
 
 def test_only_pairs_beyond_their_interval_are_drawn(indices):
@@ -90,11 +94,60 @@ def test_only_pairs_beyond_their_interval_are_drawn(indices):
 
 def test_bars_without_a_ranking_say_which_inputs_they_show(indices):
     notes = [
-        plot_bars(one).axes[-1].get_legend().get_texts()[-1].get_text()
-        for one in (indices, replace(indices, rows_used=8))
+        plot_bars(one).legends[0].get_title().get_text() for one in (indices, replace(indices, rows_used=8))
     ]
     assert "make up 90 %" in notes[0]
     assert ["not ranked" in note for note in notes] == [False, True]
+
+
+@pytest.mark.parametrize("rows_used", [64, 8])
+@pytest.mark.parametrize("width", [0.1, 1.2])
+def test_bars_with_names_of_devices_can_be_read(indices, rows_used, width):
+    """The legend was cut off at the right, and tick labels stood on each other."""
+    names = ("Rmc", "Emaxlv", "Csart", "Rpmc", "Lsart", "ecmo.speed_rpm")
+    total = np.linspace(0.0, 0.9, 7 * 6).reshape(7, 6)
+    conf = np.full((7, 6), width)
+    few = replace(indices, factors=names, estimates=Estimates(0.9 * total, conf, total, conf))
+    fig = plot_bars(replace(few, rows_used=rows_used))
+    fig.canvas.draw()
+    assert within(fig, fig.legends[0])
+    for axes in fig.axes:
+        low, high = axes.get_xlim()
+        shown = [t for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
+        assert len(shown) > 1
+        assert apart(shown)
+
+
+def apart(texts) -> bool:
+    """Whether texts beside each other do not overlap."""
+    boxes = [text.get_window_extent() for text in texts]
+    return all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+def within(fig, artist) -> bool:
+    box = artist.get_window_extent()
+    return box.x0 >= 0.0 and box.x1 <= fig.bbox.width
+
+
+@pytest.mark.parametrize(
+    ("sizes", "named"), [(3, "16 32 64"), (4, "16 32 64 128"), (6, "32 128 512"), (11, "32 256 2048 16384")]
+)
+def test_convergence_names_sample_sizes_and_marks_each(sizes, named):
+    """Only the last size was named, and there were no marks at the others."""
+    rows = [16 << k for k in range(sizes)]
+    factors = ("ecmo.speed_rpm", *(f"crrt.filtration_flow_{k}" for k in range(8)))
+    shape = sizes, 2, len(OUTPUTS), len(factors)
+    dims = ("rows", "index", "output", "factor")
+    names = dict(zip(dims, (rows, ["S1", "ST"], list(OUTPUTS), list(factors)), strict=True))
+    data = {name: (dims, np.full(shape, 0.2)) for name in ("mean", "spread", "mean_conf")}
+    fig = plot_convergence(xr.Dataset(data, names))
+    fig.canvas.draw()
+    assert within(fig, fig.legends[0])
+    for axes in fig.axes:
+        assert axes.get_xticks().tolist() == rows
+        assert apart([t for t in axes.get_xticklabels() if t.get_text()])
+        assert " ".join(filter(None, labels(axes))) == named
+        assert all(line.get_marker() == "o" for line in axes.lines)
 
 
 def test_long_names_of_pairs_stay_within_the_figure(indices):

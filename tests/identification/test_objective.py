@@ -67,12 +67,21 @@ def test_the_optimum_is_scipys_from_the_same_start(objective: Objective, box: Bo
 
 
 def test_slices_are_lowest_at_the_truth(objective: Objective, box: Box):
+    """In a narrow valley the curves were lowest beside and above the point that they go through."""
     result = slices(objective, box, TRUE_X[0], steps=9)
-    assert result.costs.shape == (2, 9)
+    assert result.costs.shape == (2, 10)
     assert result.cost < 1e-10
     lowest = np.nanargmin(result.costs, axis=1)
-    nearest = np.abs(np.log(result.values) - TRUE_X.T).argmin(axis=1)
-    assert np.all(np.abs(lowest - nearest) <= 1)
+    np.testing.assert_allclose(np.log(result.values)[[0, 1], lowest], TRUE_X[0])
+    np.testing.assert_allclose(result.costs.min(axis=1), result.cost, rtol=0.0, atol=1e-10)
+
+
+def test_slices_have_the_further_values(objective: Objective, box: Box):
+    further = np.add(TRUE_X.T, [[-0.01, 0.01]])
+    result = slices(objective, box, TRUE_X[0], steps=3, further=further)
+    assert result.values.shape == (2, 6)
+    assert np.all(np.diff(result.values, axis=1) > 0.0)
+    assert np.all(np.isin(np.exp(further).round(9), result.values.round(9)))
 
 
 def test_points_of_an_objective_share_a_circuit(twin):

@@ -2,11 +2,11 @@
 
 import csv
 
+import numpy as np
 import pytest
 import xarray as xr
 
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.figures import plot_outputs
 from eclsim.identification.files import write_tracks
 from eclsim.identification.series import (
     copied_measurements,
@@ -15,6 +15,7 @@ from eclsim.identification.series import (
     series_parameters,
 )
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.track_figures import plot_outputs
 from eclsim.identification.track_report import track_page
 from eclsim.identification.tracking import (
     Innovation,
@@ -24,6 +25,7 @@ from eclsim.identification.tracking import (
     TrackSettings,
     track,
 )
+from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, goodness_of
 from eclsim.inputs.mistakes import CaseError
 from eclsim.outputs.results import simulate
 from eclsim.parameters.regulation import SET_POINT
@@ -178,18 +180,23 @@ def test_tables_picture_and_labelled_result_name_what_is_doubtful_or_was_not_use
     write_tracks(tmp_path, {"series": [series], "refused": [], "settings": {"drifts": [0.1]}})
     parameters, of_outputs = (
         [
-            (r["id"], r.get("output"), r["doubts"])
+            (r["id"], r.get("output"), r["unit"], r["doubts"])
             for r in csv.DictReader((tmp_path / name).read_text().splitlines())
         ]
         for name in ("parameters.csv", "outputs.csv")
     )
     lost = "not used: no steady heartbeat"
-    assert parameters == [("1", None, "; ".join(doubts)), ("2", None, lost), ("3", None, "")]
-    assert of_outputs == [
-        ("1", "CO", "; ".join(doubts)), ("1", "MAP", doubts[1]), ("2", "MAP", lost),
-        ("3", "CO", ""), ("3", "MAP", ""),
+    unit = "mmHg s/mL"
+    assert parameters == [
+        ("1", None, unit, "; ".join(doubts)), ("2", None, unit, lost), ("3", None, unit, ""),
     ]  # fmt: skip
-    assert [axes.get_ylabel() for axes in plot_outputs(series).axes] == ["CO [L/min]\ndoubtful", "MAP [mmHg]"]
+    flow, pressure = ("CO", "L/min"), ("MAP", "mmHg")
+    assert of_outputs == [
+        ("1", *flow, "; ".join(doubts)), ("1", *pressure, doubts[1]), ("2", *pressure, lost),
+        ("3", *flow, ""), ("3", *pressure, ""),
+    ]  # fmt: skip
+    labels = [axes.get_ylabel() for axes in plot_outputs(series).axes]
+    assert labels == ["CO [L/min]\ndoubtful", "MAP [mmHg]\ndoubtful"]
     result.dataset.to_netcdf(tmp_path / "track.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "track.nc", engine="h5netcdf") as read:
         assert read.attrs["made_by"].startswith("eclsim ")
@@ -236,3 +243,27 @@ def test_measurements_that_are_copied_forward_count_twice():
     assert not copied_measurements(
         a_point("1", (0.1, 0.2, 0.3), MAP=82), a_point("2", (0.1, 0.2, 0.3), MAP=82)
     )
+
+
+def test_a_poor_first_estimate_stands_above_each_figure(tmp_path):
+    """It was in the tables, but a figure that is passed on by itself did not show it."""
+    six = Interval(5.0, 6.0, 7.0)
+    goodness = goodness_of({"MAP": 90.0}, {"MAP": 60.0}, {"MAP": 3.0}, np.zeros((1, 1)), np.eye(1))
+    verdict = FitVerdict(goodness, (Reason(Aspect.AGREEMENT, Level.POOR, "MAP", "far off"),))
+    point = TrackedPoint("1", {"MAP": Innovation(90.0)}, {"Rmc": six}, {"MAP": six}, 0.1, verdict=verdict)
+    series = TrackResult("P", (point,), 24.0).as_object()
+    figures = write_tracks(tmp_path, {"series": [series], "refused": [], "settings": {"drifts": [0.1]}})
+    texts = [path.read_text(encoding="utf-8") for path in figures if path.suffix == ".svg"]
+    assert len(texts) == 2
+    assert all("first estimate (1): POOR FIT, not to be used" in text for text in texts)
+
+
+def test_a_patient_without_a_steady_beat_at_any_time_has_no_figures(tmp_path):
+    """A division by zero: nothing was written."""
+    lost = {"MAP": Innovation(9.0, used=False)}
+    point = TrackedPoint("1", lost, {}, {}, 0.1, failed=True, message="no steady heartbeat")
+    series = TrackResult("P", (point,), 24.0).as_object()
+    content = {"series": [series], "refused": [], "settings": {"drifts": [0.1]}}
+    assert write_tracks(tmp_path, content) == []
+    assert "no steady heartbeat" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "no steady heartbeat" in (tmp_path / "outputs.csv").read_text(encoding="utf-8")

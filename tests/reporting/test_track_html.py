@@ -2,7 +2,7 @@
 
 import pytest
 
-from eclsim.identification.figures import TimeAxis
+from eclsim.identification.track_figures import TimeAxis
 from eclsim.identification.track_report import series_text, track_page
 
 RANGE = {"lower": 70.0, "median": 80.0, "upper": 90.0}

@@ -252,6 +252,19 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
 
 
 @pytest.mark.slow
+def test_files_of_a_state_name_it(case_file, tmp_path, capsys):
+    """Those of two states could not be told apart but by their folders."""
+    out, file = tmp_path / "out", tmp_path / "result.json"
+    options = ("--samples", 16, "--parameters", "Rmc", "--outputs", "MAP", "--states", "normal,hypotensive")
+    assert run_command("sensitivity", case_file, *options, "--out", out, "--json", file) == 0
+    capsys.readouterr()
+    states = json.loads(file.read_text())["states"]
+    for name in ("normal", "hypotensive"):
+        assert json.loads((out / name / "indices.json").read_text())["state"] == states[name]["state"] == name
+        assert f"sensitivity, {name} state" in (out / name / "figures/bars.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
 def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_path, capsys):
     common = (
         "--samples",

@@ -184,6 +184,21 @@ def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():
     assert np.isfinite(mean.sel(rows=32)).all()
 
 
+def test_repeats_are_those_with_rows_left():
+    """With all its rows left in one half, a design had two repeats of half its size, but no spread."""
+    design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 32, second_order=False)
+    values = design.unit().sum(axis=1, keepdims=True)
+    failed = ~np.isin(np.repeat(np.arange(32), design.runs_per_row), (0, 4, 7, 8, 12))
+    runs = replace(runs_of(values), status=np.where(failed, 3, 0))
+    found = indices_of_runs(design, ("sum",), runs).convergence
+    assert found["repeats"].values.tolist() == [1, 1]
+    assert found["rows_used"].values.tolist() == [5.0, 5.0]
+    np.testing.assert_array_equal(found["mean"].sel(rows=16), found["mean"].sel(rows=32))
+    whole = indices_of_runs(design, ("sum",), runs_of(values)).convergence
+    assert whole["repeats"].values.tolist() == [2, 1]
+    assert whole["rows_used"].values.tolist() == [16.0, 32.0]
+
+
 def test_a_design_whose_runs_failed_says_of_what():
     design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 8, second_order=False)
     values = np.full((8 * design.runs_per_row, 1), np.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -158,6 +158,7 @@ def _analysed(
             result = analyse(
                 reading.case, settings=settings, folder=folder, distribution=executor, progress=progress
             )
+            result = replace(result, indices=replace(result.indices, state=state))
             if folder is not None:
                 _write_files(o, folder, result)
             results[state] = result.indices

@@ -16,8 +16,8 @@ from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.quantities import unit_of, unit_of_parameter
 from eclsim.identification.report import REPORT, differences_of, wider_interval
-from eclsim.identification.track_report import track_page
-from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
+from eclsim.identification.track_report import doubts_of_first, doubts_of_point, track_page
+from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level
 
 if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortReading
@@ -180,22 +180,25 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
 def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Write track.json, report.html, parameters.csv, outputs.csv and figures; return the figures."""
-    from eclsim.identification.figures import plot_outputs, plot_parameters
-    from eclsim.reporting.style import save_figure
+    from eclsim.identification.track_figures import plot_outputs, plot_parameters
+    from eclsim.reporting.style import plain_text, save_figure, write_above
 
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / TRACK_SUMMARY)
     each = [(s["id"], p) for s in content["series"] for p in s["points"]]
-    head = ("patient", "id", "parameter", *_QUANTILES, DOUBTS)
+    head = ("patient", "id", "parameter", "unit", *_QUANTILES, DOUBTS)
     rows = (
-        (s, p["id"], n, *(i[q] for q in _QUANTILES), _doubts_of_point(p))
+        (s, p["id"], n, unit_of_parameter(n), *(i[q] for q in _QUANTILES), doubts_of_point(p))
         for s, p in each
         for n, i in p["parameters"].items()
     )
     figures, drawings = [], {}
     for series in content["series"]:
         for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
+            if not any(point[key] for point in series["points"]):
+                continue
             figure = plot(series)
+            write_above(figure, doubts_of_first(series), f"{plain_text(series['id'], 50)} – followed")
             saved = save_figure(figure, folder / "figures" / f"{stem(series['id'])}_{key}")
             figures += saved
             (svg,) = (path for path in saved if path.suffix == ".svg")
@@ -208,7 +211,7 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
 
 
 _TRACKED_HEAD = (
-    "patient", "id", "output", "measured", "deviation", "unusual", "used", "met",
+    "patient", "id", "output", "unit", "measured", "deviation", "unusual", "used", "met",
     *(f"forecast_{q}" for q in _QUANTILES), *(f"expected_{q}" for q in _QUANTILES), *_QUANTILES,
     DOUBTS,
 )  # fmt: skip
@@ -222,19 +225,5 @@ def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Seq
             kinds = (point["forecast"], point["expected"], point["outputs"])
             quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
             columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used", "met")]
-            doubts = _doubts_of_point(point, name)
-            yield (patient, point["id"], name, *columns, *quantiles, doubts)
-
-
-def _doubts_of_point(point: Mapping[str, Any], output: str = "") -> str:
-    """Why the numbers of a followed point are not to be trusted; empty where they are.
-
-    Args:
-        point: as in track.json.
-        output: that the numbers are of: doubts about another one are left out; empty for parameters.
-    """
-    verdict = point["verdict"]
-    fit = headline(verdict) if verdict is not None and verdict["level"] != Level.GOOD else ""
-    others = tuple(f"{name}: " for name in point["doubtful"] if output and name != output)
-    doubts = (doubt for doubt in point["doubts"] if not doubt.startswith(others))
-    return "; ".join(filter(None, (f"not used: {point['message']}" * point["failed"], fit, *doubts)))
+            doubts = doubts_of_point(point, name)
+            yield (patient, point["id"], name, unit_of(name), *columns, *quantiles, doubts)

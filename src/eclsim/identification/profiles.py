@@ -71,26 +71,37 @@ class CostCurves:
 
 
 def slices(
-    problem: LeastSquaresProblem, box: Box, x: np.ndarray, point: int = 0, steps: int = 41
+    problem: LeastSquaresProblem,
+    box: Box,
+    x: np.ndarray,
+    point: int = 0,
+    steps: int = 41,
+    further: np.ndarray | None = None,
 ) -> CostCurves:
     """Vary one parameter after the other from bound to bound, with the others held.
+
+    Each curve also has a value at the point that it goes through: a valley may be narrower than a step.
 
     Args:
         problem: objective with one or more data points.
         box: bounds of the parameters.
         x: coordinates of the parameters that the slices go through.
         point: index of the data point.
-        steps: number of values of each parameter.
+        steps: number of equally spaced values of each parameter.
+        further: further coordinates of each parameter, shape (parameters, further).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
-    members = np.tile(x, (size * steps + 1, 1))
+    along = np.column_stack([along, x, *([] if further is None else [further])])
+    along = np.sort(along, axis=1)
+    count = along.shape[1]
+    members = np.tile(x, (size * count + 1, 1))
     for k in range(size):
-        members[k * steps : (k + 1) * steps, k] = along[k]
+        members[k * count : (k + 1) * count, k] = along[k]
     costs = _nan_where_infinite(problem.evaluate(np.full(len(members), point), members).costs)
     values = box.scale.values(along.T).T
     best = box.scale.values(x)
-    return CostCurves(box.names, values, costs[:-1].reshape(size, steps), best, float(costs[-1]))
+    return CostCurves(box.names, values, costs[:-1].reshape(size, count), best, float(costs[-1]))
 
 
 def profiles(
@@ -404,7 +415,8 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
     gaussian = fit.as_object()["parameters"]
     reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, without_beat)
-    curves = FitProfiles(refitted, slices(likelihood, fit.box, x))
+    along = fit.box.scale.coordinates(refitted.values.T).T
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, x, further=along))
     return replace(fit, profile=intervals).judged(reasons), curves
 
 

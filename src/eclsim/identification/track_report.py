@@ -7,6 +7,7 @@ from textwrap import fill
 
 from eclsim.identification.quantities import BEAT_OUTPUTS, unit_of, unit_of_parameter
 from eclsim.identification.report import Data, names_in
+from eclsim.identification.verdict import Level, headline
 from eclsim.reporting.html import Table, render
 from eclsim.reporting.numbers import MISSING, dashed, interval, number, text_table
 
@@ -14,11 +15,31 @@ _WIDTH = 110
 TRACKED = {
     "outputs": (
         "Outputs. Pale bars: where 90 % of measurements were expected beforehand. Diamonds: measured. Dark "
-        "bars: the model afterwards, median and 90 %."
+        "bars: the model afterwards, median and 90 %. Open circles: doubtful."
     ),
-    "parameters": "Parameters after each measurement, median and 90 %.",
+    "parameters": "Parameters after each measurement, median and 90 %. Open circles: doubtful.",
 }
 """Figures of a followed patient, in order, with their captions."""
+
+
+def doubts_of_point(point: Data, output: str = "") -> str:
+    """Why the numbers of a followed point are not to be trusted; empty where they are.
+
+    Args:
+        point: as in track.json.
+        output: that the numbers are of: doubts about another one are left out; empty for parameters.
+    """
+    verdict = point["verdict"]
+    fit = headline(verdict) if verdict is not None and verdict["level"] != Level.GOOD else ""
+    others = tuple(f"{name}: " for name in point["doubtful"] if output and name != output)
+    doubts = (doubt for doubt in point["doubts"] if not doubt.startswith(others))
+    return "; ".join(filter(None, (f"not used: {point['message']}" * point["failed"], fit, *doubts)))
+
+
+def doubts_of_first(series: Data) -> list[str]:
+    """The verdict on the first estimate of a followed patient where it is not good, as sentences."""
+    first = [(p["id"], p["verdict"]) for p in series["points"] if p["verdict"] is not None]
+    return [f"first estimate ({name}): {headline(v)}" for name, v in first if v["level"] != Level.GOOD]
 
 
 # --- terminal text of followed patients ---------------------------------------------------------------

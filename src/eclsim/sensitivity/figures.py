@@ -19,6 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import parameters
@@ -28,6 +29,7 @@ from eclsim.reporting.style import (
     GREY,
     MOST_HORIZONTAL_NAMES,
     OKABE_ITO,
+    PAGE_WIDTH_MM,
     draw_matrix,
     figure_style,
     new_figure,
@@ -52,6 +54,11 @@ COLUMNS = 4
 """Number of columns of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
+SHORTEST_BARS_MM = 24.0
+"""Least width of a panel of bars beside the names of its factors, with room for three tick labels."""
+SELECTED = " *"
+MOST_SIZES = 4
+"""Largest number of labelled sample sizes on an axis; the others have ticks alone."""
 LONGEST_LINE = 10
 """Number of letters above which the last part of a factor's name is broken at its first underscore."""
 MOST_PAIRED = 10
@@ -80,9 +87,15 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
     doubts += [f"{indices.domain[0].upper()}{indices.domain[1:]}"] if indices.domain else []
     ranges = wrap(own_ranges_text(indices.inputs), LONGEST_SENTENCE, initial_indent="Inputs: ")
+    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges], _title(result))
+
+
+def _title(result: SensitivityResult) -> str:
+    """Patient and state, as far as they are known."""
     patient = json.loads(result.case_json)["patient"]["id"] if result.case_json else ""
-    title = f"{plain_text(patient, 50)} – sensitivity" if patient else ""
-    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges], title)
+    state = f"{result.indices.state} state" if result.indices.state else ""
+    named = f"{plain_text(patient, 50)} – sensitivity" if patient else ""
+    return ", ".join(filter(None, (named, state)))
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
@@ -177,7 +190,9 @@ def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
 def plot_bars(result: Indices) -> Figure:
     """First and total order of the leading factors of each output, with 95 % intervals."""
     e, chosen = result.estimates, result.selected()
-    fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
+    longest = max(len(short_name(name)) for name in result.factors) + len(SELECTED)
+    columns = int(np.clip(PAGE_WIDTH_MM // (SHORTEST_BARS_MM + LETTER_MM * longest), 1, COLUMNS))
+    fig, panels = panel_grid(len(result.outputs), columns, 44, 16)
     for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
         sizes = -e.ST[k] if result.ranked else np.zeros(len(result.factors))
         order = np.argsort(sizes, kind="stable")[: min(8, len(result.factors))]
@@ -190,17 +205,16 @@ def plot_bars(result: Indices) -> Figure:
             whiskers = {"fmt": "none", "ecolor": "black", "elinewidth": 0.7, "capsize": 1.5}
             axes.errorbar(numbers, place + shift, xerr=widths, **whiskers)
         names = [result.factors[j] for j in order]
-        labels = [short_name(name) + (" *" if name in chosen[output] else "") for name in names]
+        labels = [short_name(name) + (SELECTED if name in chosen[output] else "") for name in names]
         axes.set_yticks(place, labels)
         axes.invert_yaxis()
         axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
+        axes.xaxis.set_major_locator(MaxNLocator(3, steps=(1, 2, 5, 10)))
         axes.axvline(0.0, color=GREY, linewidth=0.6)
         axes.set_title(output)
         axes.set_xlabel("index")
-    note = "bars: 95 % intervals\n* among those that\n  make up 90 %"
-    _legend(
-        legend_panel, panels[0], note if result.ranked else f"{note}\nnot ranked: the first\ninputs as listed"
-    )
+    ranking = "* among those that make up 90 %" if result.ranked else "not ranked: the first inputs as listed"
+    _legend_below(fig, f"lines: 95 % intervals; {ranking}")
     return fig
 
 
@@ -269,22 +283,24 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
     sums = numbers["mean"].isel(rows=-1).sum("output")
     leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
     outputs = numbers["output"].values
-    fig, (*panels, legend_panel) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
+    fig, panels = panel_grid(len(outputs), COLUMNS, 42, 20)
     for output, axes in zip(outputs, panels, strict=True):
         for k, name in enumerate(leading):
             curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
             mean, spread = curve["mean"].values, curve["spread"].values
             spread = np.where(np.isnan(spread), curve["mean_conf"].values / 1.96, spread)
-            axes.plot(rows, mean, label=name, color=colour, linestyle=line)
+            look = {"color": colour, "linestyle": line, "marker": "o", "markersize": 2}
+            axes.plot(rows, mean, label=short_name(name), **look)
             axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
         axes.set_xscale("log", base=2)
-        axes.set_xticks(rows[-1::-3], [str(n) for n in rows[-1::-3]])
+        step = -(-len(rows) // MOST_SIZES)
+        named = rows[::-1][::step]
+        axes.set_xticks(rows, [str(n) if n in named else "" for n in rows])
         axes.minorticks_off()
         axes.set_title(str(output))
         axes.set_xlabel("rows N")
         axes.set_ylabel("$S_T$")
-    note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
-    _legend(legend_panel, panels[0], note)
+    _legend_below(fig, "mean ± standard deviation over repeats; of a single repeat from the bootstrap")
     return fig
 
 
@@ -312,6 +328,13 @@ def output_unit(name: str) -> str:
     """Unit of an output; empty if it is dimensionless or unknown."""
     known = find_output(name)
     return "" if known is None or known.unit == "1" else known.unit
+
+
+def _legend_below(fig: Figure, note: str) -> None:
+    """Draw the legend of the first panel below all panels, with a note above it."""
+    handles, labels = fig.axes[0].get_legend_handles_labels()
+    legend = fig.legend(handles, labels, loc="outside lower center", ncols=COLUMNS, title=note)
+    legend.get_title().set(fontsize=7, color=GREY)
 
 
 def _legend(place: Axes, panel: Axes, note: str) -> None:

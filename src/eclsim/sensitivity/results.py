@@ -90,6 +90,7 @@ class Indices:
         until: half width that every total order was to reach; None if the number of rows was fixed.
         inputs: the inputs with their ranges.
         stored: number of the runs that an earlier start had stored, for which `seconds` does not count.
+        state: name of the state of `eclsim sensitivity --states`; empty for the case's own values.
     """
 
     factors: tuple[str, ...]
@@ -107,6 +108,7 @@ class Indices:
     until: float | None = None
     inputs: tuple[Input, ...] = ()
     stored: int = 0
+    state: str = ""
 
     @property
     def ranked(self) -> bool:
@@ -224,6 +226,7 @@ class Indices:
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
+            **({"state": self.state} if self.state else {}),
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
             "rows_used": self.rows_used, "rows_lost": self.rows_lost, "domain": self.domain,
@@ -292,7 +295,8 @@ class SensitivityResult:
         """Indices at 16, 32, 64 ... up to all rows, by index, rows, output and factor.
 
         `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the
-        mean half width of their bootstrap intervals.
+        mean half width of their bootstrap intervals. Lost rows are left out; `repeats` is the number of
+        repeats with at least two rows left, and `rows_used` the mean number of rows left in these.
         """
         import xarray as xr
 
@@ -306,14 +310,18 @@ class SensitivityResult:
         names = ("S1", "ST")
         shape = (len(sizes), len(names), len(outputs), factors)
         mean, spread, width = np.full((3, *shape), np.nan)
+        count, used = np.zeros(len(sizes), dtype=int), np.zeros(len(sizes))
         for s, size in enumerate(sizes):
             pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
+            pieces = [p for p in pieces if good[p].sum() > 1]
+            if not pieces:
+                continue
             repeats = [
                 sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SMALLEST_SIZE)
                 for p in pieces
-                if good[p].sum() > 1
             ]
-            for k, name in enumerate(names if repeats else ()):
+            count[s], used[s] = len(pieces), np.mean([good[p].sum() for p in pieces])
+            for k, name in enumerate(names):
                 each = np.stack([getattr(r, name) for r in repeats])
                 mean[s, k] = each.mean(axis=0)
                 width[s, k] = np.mean([getattr(r, f"{name}_conf") for r in repeats], axis=0)
@@ -321,10 +329,10 @@ class SensitivityResult:
                     spread[s, k] = each.std(axis=0, ddof=1)
         dims = ("rows", "index", "output", "factor")
         data = {"mean": (dims, mean), "spread": (dims, spread), "mean_conf": (dims, width)}
-        repeats = ("rows", design.samples // np.array(sizes))
+        about = {"repeats": ("rows", count), "rows_used": ("rows", used)}
         labels = (sizes, list(names), list(outputs), list(design.factors))
         coordinates = dict(zip(dims, labels, strict=True))
-        return xr.Dataset({**data, "repeats": repeats}, coordinates, ORIGIN)
+        return xr.Dataset({**data, **about}, coordinates, ORIGIN)
 
 
 def indices_of_runs(
@@ -394,7 +402,7 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     """Write indices.json, indices.csv, second_order.csv, inputs.csv, failed.csv and convergence.csv."""
     indices = result.indices
     write_json(indices.as_object(second_order=True), folder / "indices.json")
-    order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
+    order = ["rows", "repeats", "rows_used", "output", "factor", "index", "mean", "spread", "mean_conf"]
     converging = result.convergence.to_dataframe(dim_order=["rows", "output", "factor", "index"])
     frames = {"indices": indices.table, "convergence": converging.reset_index().loc[:, order]}
     if (pairs := indices.pairs) is not None:
