@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eclsim.course.timeline import Timeline
-from eclsim.drugs.law import Effects
-from eclsim.drugs.published import PUBLISHED
+from eclsim.drugs.published import PUBLISHED, combined_effect
 from eclsim.parameters.fluid import KIDNEY, SOLUTES_FOLLOWED, VENULES
 from eclsim.parameters.regulation import dose, sensitivity
 
-_SYSTEMIC = Effects._fields.index("systemic_resistance")
 NOTABLE = 0.05
 """Change of the logarithm of the resistance by drugs below which plasma hardly moves in patients either."""
 _LEVOSIMENDAN = (
@@ -64,7 +62,5 @@ def _changes_resistance(timeline: Timeline) -> bool:
 
 def _drug_tone(values: Mapping[str, float]) -> float:
     """Logarithm of the factor by which drugs multiply the systemic resistance."""
-    return sum(
-        float(drug.effects(values.get(dose(name), 0.0) * values.get(sensitivity(name), 1.0))[_SYSTEMIC])
-        for name, drug in PUBLISHED.items()
-    )
+    felt = {name: values.get(dose(name), 0.0) * values.get(sensitivity(name), 1.0) for name in PUBLISHED}
+    return float(combined_effect("systemic_resistance", felt))

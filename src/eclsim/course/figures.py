@@ -17,8 +17,8 @@ from eclsim.cases.fluid import DialysedDrug
 from eclsim.course.alarms import NO_PATIENT, clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (
+    has_standing_lung_blood,
     impossible_moments,
-    lung_blood_stands,
     spans_in_words,
     undetermined_moments,
 )
@@ -219,7 +219,7 @@ def _notes(result: xr.Dataset) -> list[str]:
             "gaps in the curves: valves stay shut, so that the case does not determine the number; fluid and "
             "blood go on with one possible beat"
         )
-    if lung_blood_stands(result):
+    if has_standing_lung_blood(result):
         lines.append(
             "gaps in the curve of the pulmonary artery: its blood stands still and is not mixed venous"
         )

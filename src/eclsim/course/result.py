@@ -21,7 +21,7 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import doubted_outputs
-from eclsim.outputs.gas import LUNG_FLOW, OF_LUNG_FLOW, STANDING_L_MIN
+from eclsim.outputs.gas import LUNG_FLOW, OF_LUNG_FLOW, lung_blood_stands
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
 from eclsim.outputs.uncertainty import misses_of
@@ -164,11 +164,11 @@ def undetermined_moments(result: xr.Dataset) -> np.ndarray:
     return known == Status.ONE_OF_MANY.word
 
 
-def lung_blood_stands(result: xr.Dataset) -> bool:
+def has_standing_lung_blood(result: xr.Dataset) -> bool:
     """Whether blood in the pulmonary artery stands still at some moment, so that its gases are NaN."""
     if LUNG_FLOW not in result or not {*OF_LUNG_FLOW} & {*result.data_vars}:
         return False
-    return bool((np.abs(result[LUNG_FLOW].to_numpy()) < STANDING_L_MIN).any())
+    return bool(lung_blood_stands(result[LUNG_FLOW].to_numpy()).any())
 
 
 def undetermined_in_words(minute: np.ndarray, undetermined: np.ndarray) -> str:

@@ -172,6 +172,12 @@ def gas_sample(
     )  # fmt: skip
 
 
+def organ_flow(outputs: Mapping[str, float]) -> float | None:
+    """Flow through all organs except the lungs [L/min], of one body or both its regions; None if unknown."""
+    places = ("systemic_flow",) if "systemic_flow" in outputs else ("upper_body_flow", "lower_body_flow")
+    return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
+
+
 @dataclass(frozen=True, slots=True)
 class Limit:
     """A limit that an output should not exceed.

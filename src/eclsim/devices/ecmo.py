@@ -70,6 +70,7 @@ from eclsim.devices.description import (
     lowest,
     mean,
     mean_flow,
+    organ_flow,
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
@@ -1055,7 +1056,8 @@ def _without_exhaust_gas(
 
 def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it."""
-    flow, output = outputs.get(name := names.output("PF")), _flow_of_organs(outputs)
+    flow, organs = outputs.get(name := names.output("PF")), organ_flow(outputs)
+    output = outputs.get("CO") if organs is None else organs
     sites = [(c.source, c.target) for c in circuit.connections if c.group == names.key]
     own = {c.name for c in circuit.compartments if c.group == names.key}
     outer = {site for ends in sites for site in ends} - own
@@ -1071,14 +1073,6 @@ def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circui
     )
     concerns = (one for one in (name, names.output("recirculation_fraction")) if one in outputs)
     return [Finding.without_limit(CAUTION, name, flow, text, *concerns)]
-
-
-def _flow_of_organs(outputs: Mapping[str, float]) -> float | None:
-    """Flow from the organs to the veins [L/min]: more than CO beside a pump that returns to arteries."""
-    for names in (("systemic_flow",), ("upper_body_flow", "lower_body_flow"), ("CO",)):
-        if all(name in outputs for name in names):
-            return sum(outputs[name] for name in names)
-    return None
 
 
 def _caution_on_left_ventricle(

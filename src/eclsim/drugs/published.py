@@ -32,13 +32,24 @@ def _drug(row: Mapping[str, str]) -> Drug:
 
 PUBLISHED = {row["name"]: _drug(row) for row in read_table(Path(__file__).with_suffix(".csv"))}
 """All published drugs by name."""
-_RATE = Effects._fields.index("heart_rate")
 
 
 def with_drugs(circuit: Circuit) -> Circuit:
     """Add the controller of all published drugs to a circuit with volume offset."""
     control = Control(DRUGS, InfusedDrugs(tuple(PUBLISHED.values())), (), ACTS_ON)
     return circuit + Circuit(controllers=(control,))
+
+
+def combined_effect(effect: str, doses: Mapping[str, float | np.ndarray]) -> np.ndarray:
+    """Natural logarithm of the factor by which drugs together change something, such as the heart rate.
+
+    Args:
+        effect: name of a field of `Effects`, except that of the veins, which is no factor.
+        doses: dose of each drug times the patient's sensitivity to it, by name; drugs left out are not given.
+    """
+    place = Effects._fields.index(effect)
+    each = (np.asarray(PUBLISHED[name].effects(dose)[place]) for name, dose in doses.items())
+    return sum(each, np.zeros(()))
 
 
 def heart_rate_on_drugs(rate_bpm: float, doses: Mapping[str, float], response: float = 1.0) -> float:
@@ -49,7 +60,7 @@ def heart_rate_on_drugs(rate_bpm: float, doses: Mapping[str, float], response: f
         doses: dose of each drug times the patient's sensitivity to it, by name; drugs left out are not given.
         response: share of the change that takes place: 1 for a healthy sinus node, 0 for a paced heart.
     """
-    factor = math.exp(sum(float(PUBLISHED[name].effects(dose)[_RATE]) for name, dose in doses.items()))
+    factor = math.exp(float(combined_effect("heart_rate", doses)))
     return rate_bpm * (1.0 + response * (factor - 1.0))
 
 

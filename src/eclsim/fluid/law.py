@@ -9,8 +9,7 @@ import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.drugs.law import Drug, Effects
-from eclsim.drugs.published import PUBLISHED, dose_in_effect
+from eclsim.drugs.published import PUBLISHED, combined_effect, dose_in_effect
 from eclsim.fluid.starling import (
     ALBUMIN_EQUIVALENT,
     EXCLUDED_SHARE,
@@ -46,7 +45,7 @@ CONCENTRATE_HAEMATOCRIT = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
 ALBUMIN_G_ML = 0.05 * ALBUMIN_EQUIVALENT
 """Plasma protein equivalent in oncotic effect to 5 g/dL of infused albumin [g/mL]."""
-_TONE, _SYSTEMIC = "systemic_resistance_factor", Effects._fields.index("systemic_resistance")
+_TONE = "systemic_resistance_factor"
 _CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
 _MINUTE, _HOUR = 60.0, 3600.0
 
@@ -107,8 +106,8 @@ class FluidLaw(SlowLaw):
         haematocrits: parameters that change together with `fluid.haematocrit`.
         gas: whether haemoglobin changes with it as well.
         has_pericapillary_layer: whether the pericapillary interstitium has its own concentration.
-        drugs: drugs that can be given; venules follow their effect on resistance by `fluid.venular_tone`,
-            and reflexes not at all.
+        drugs: names of drugs that can be given; venules follow their effect on resistance by
+            `fluid.venular_tone`, and reflexes not at all.
     """
 
     arterial: str = "MAP"
@@ -118,7 +117,7 @@ class FluidLaw(SlowLaw):
     haematocrits: tuple[str, ...] = ()
     gas: bool = False
     has_pericapillary_layer: bool = False
-    drugs: tuple[Drug, ...] = ()
+    drugs: tuple[str, ...] = ()
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
@@ -137,7 +136,7 @@ class FluidLaw(SlowLaw):
         rest, zero = _rest(settings), np.zeros_like(settings[BLOOD_VOLUME])
         _, cells = blood_at_start(settings)
         tone = self._resistance(settings, beat)
-        doses = {drug.name: settings[dose(drug.name)] for drug in self.drugs}
+        doses = {name: settings[dose(name)] for name in self.drugs}
         return {
             PLASMA: rest.plasma, RED_CELLS: cells, INTERSTITIUM: rest.interstitium,
             PROTEIN: rest.plasma_protein, INTERSTITIAL_PROTEIN: rest.interstitial_protein,
@@ -216,16 +215,13 @@ class FluidLaw(SlowLaw):
         """Resistance of the venules relative to the start."""
         if not self.drugs:
             return 1.0
-        doses = {drug.name: states[dose_in_effect(drug.name)] for drug in self.drugs}
+        doses = {name: states[dose_in_effect(name)] for name in self.drugs}
         return (self._drug_tone(doses, settings) / states[DRUG_TONE.name]) ** settings[VENULES]
 
     def _drug_tone(self, doses: Named, settings: Named) -> np.ndarray:
         """Factor by which drugs multiply the systemic resistance."""
-        effects = (
-            drug.effects(doses[drug.name] * settings[sensitivity(drug.name)])[_SYSTEMIC]
-            for drug in self.drugs
-        )
-        return np.exp(sum(map(np.asarray, effects), np.zeros_like(settings[BLOOD_VOLUME])))
+        felt = {name: dose * settings[sensitivity(name)] for name, dose in doses.items()}
+        return np.exp(combined_effect("systemic_resistance", felt))
 
     def _drug_tone_at_start(self, tone: np.ndarray) -> Named:
         """Effect of drugs at the start, or its rate of change, if it is a state."""
@@ -266,7 +262,7 @@ def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> F
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
         has_pericapillary_layer=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
-        drugs=tuple(PUBLISHED.values()) if any(name.startswith(f"{DRUGS}.") for name in names) else (),
+        drugs=tuple(PUBLISHED) if any(name.startswith(f"{DRUGS}.") for name in names) else (),
     )
 
 

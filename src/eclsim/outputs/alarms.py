@@ -16,10 +16,11 @@ from eclsim.devices.description import (
     Finding,
     Limit,
     labelled_sentence,
+    organ_flow,
 )
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
-from eclsim.outputs.cautions import cautions, organ_flow
+from eclsim.outputs.cautions import cautions
 from eclsim.outputs.contraction import running_through, softening
 from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits, levels
 from eclsim.outputs.registry import CHAMBERS, first_name, output

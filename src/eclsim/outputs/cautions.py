@@ -10,8 +10,8 @@ from eclsim.blood.acid_base import CLOSED_PCO2_SLOPE
 from eclsim.blood.types import NEUTRAL_PH_SLOPE
 from eclsim.components.chambers import VentricularSystole
 from eclsim.components.exchangers import TEMPERATURE
-from eclsim.devices.description import CAUTION, Finding
-from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
+from eclsim.devices.description import CAUTION, Finding, organ_flow
+from eclsim.outputs.gas import OF_LUNG_FLOW, lung_blood_stands
 from eclsim.outputs.limits import HEART_RATE, limits_of
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
@@ -107,12 +107,6 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     result += _more_than_of_this_size(outputs, values) + _far_from_resting_rate(outputs, values)
     result += _constraining_pericardium(outputs) + _veins_below_zero(outputs, values)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
-
-
-def organ_flow(outputs: Mapping[str, float]) -> float | None:
-    """Flow through all organs except the lungs [L/min], of one body or both its regions; None if unknown."""
-    places = ("systemic_flow",) if "systemic_flow" in outputs else ("upper_body_flow", "lower_body_flow")
-    return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
 
 def _exceeds(dose: float, bound: float) -> bool:
@@ -407,7 +401,7 @@ def _veins_below_zero(outputs: Mapping[str, float], values: Mapping[str, float])
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
     """Caution about the saturation of mixed venous blood that does not flow."""
     saturation, flow = outputs.get("SvO2"), outputs.get("pulmonary_flow")
-    if saturation is None or flow is None or not abs(flow) < STANDING_L_MIN:
+    if saturation is None or flow is None or not lung_blood_stands(flow):
         return []
     text = (
         "no blood flows through the lungs: the blood in the pulmonary artery stands still, and its gases "

@@ -44,6 +44,11 @@ def artery_of(circuit: Circuit) -> str:
     return next(name for name in ARTERY if name in names)
 
 
+def lung_blood_stands(flow: Any) -> Any:
+    """Whether the flow through the lungs [L/min] is that of blood which stands still; element by element."""
+    return np.abs(flow) < STANDING_L_MIN
+
+
 def of_moving_blood(outputs: Mapping[str, Any]) -> dict[str, Any]:
     """Outputs with NaN for the gases of mixed venous blood where none flows.
 
@@ -54,7 +59,7 @@ def of_moving_blood(outputs: Mapping[str, Any]) -> dict[str, Any]:
     """
     if LUNG_FLOW not in outputs:
         return dict(outputs)
-    stands = np.abs(outputs[LUNG_FLOW]) < STANDING_L_MIN
+    stands = lung_blood_stands(outputs[LUNG_FLOW])
     lost = {n: np.where(stands, np.nan, outputs[n])[()] for n in OF_LUNG_FLOW if n in outputs}
     return {**outputs, **lost}
 
