@@ -243,13 +243,13 @@ class ShownBeats:
     ):
         self.every, self.most, self.events = every, most, np.asarray(events, dtype=float)
         self._next, self._stride, self._count = 0.0, 1, 0
-        self._spread, self._around_events = list[RecordedBeat](), list[RecordedBeat]()
+        self._spread, self._around_events = list[RecordedBeat](), dict[float, RecordedBeat]()
         self._last: RecordedBeat | None = None
 
     @property
     def beats(self) -> list[RecordedBeat]:
         """Beats shown, in order of time."""
-        by_time = {beat.time: beat for beat in (*self._spread, *self._around_events)}
+        by_time = {beat.time: beat for beat in self._spread} | self._around_events
         return [by_time[time] for time in sorted(by_time)]
 
     @property
@@ -264,9 +264,9 @@ class ShownBeats:
         since = time - self.events
         begun = since > -1e-9
         if before is not None and bool((begun & (before.time - self.events <= -1e-9)).any()):
-            self._around_events += [before, beat]
+            self._around_events |= {before.time: before, beat.time: beat}
         if self.every is None and bool((begun & (since < EVERY_BEAT_AFTER_EVENT_S)).any()):
-            self._around_events.append(beat)
+            self._around_events[beat.time] = beat
             return
         due = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, HEART_RATE
 from eclsim.components.base import Key, Number, Values, value_of
@@ -61,9 +63,10 @@ class Drug:
 
     def share(self, dose: Number) -> Number:
         """Share of the largest effects at a dose, 0 to 1; 0 at negative doses, which rounding can cause."""
-        given = jnp.asarray(dose) >= 0.0
-        relative = jnp.where(given, dose, self.half_dose) / self.half_dose
-        part = jnp.where(given, relative**self.steepness, 0.0)
+        numbers = jnp if isinstance(dose, jax.Array) else np
+        given = numbers.asarray(dose) >= 0.0
+        relative = numbers.where(given, dose, self.half_dose) / self.half_dose
+        part = numbers.where(given, relative**self.steepness, 0.0)
         return part / (1.0 + part)
 
     def effects(self, dose: Number) -> tuple[Number, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 from eclsim.blood.acid_base import CLOSED_PCO2_SLOPE
 from eclsim.blood.types import NEUTRAL_PH_SLOPE
@@ -73,14 +72,8 @@ _WRONG_SIGN_BELOW = (
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
-class _Effect(NamedTuple):
-    """A factor that drugs multiply: its index in `Effects`, and its name."""
-
-    place: int
-    name: str
-
-
-_MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
+_MULTIPLIED = ("contractility", "systemic_resistance")
+"""Factors of which several drugs together are doubted, by name in `Effects`."""
 
 
 def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
@@ -136,7 +129,7 @@ def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str
     if "vasopressin" not in doses or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
-    without = _DYN * pressure / flow / math.exp(_logarithms("vasopressin", doses["vasopressin"])[1])
+    without = _DYN * pressure / flow / math.exp(_logarithm("systemic_resistance", "vasopressin", doses))
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
@@ -178,7 +171,7 @@ def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
     """Caution about vasopressin on noradrenaline: what was measured of it, which the model exceeds."""
     if not set(PRESSORS) <= doses.keys():
         return []
-    first, added = (_logarithms(drug, doses[drug])[1] for drug in PRESSORS)
+    first, added = (_logarithm("systemic_resistance", drug, doses) for drug in PRESSORS)
     if min(first, added) < NOTABLE_LOGARITHM:
         return []
     text = (
@@ -196,13 +189,12 @@ def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
     """Caution about drugs whose combined factors exceed those of any pair that was studied."""
     if len(doses) < 2 or doses.keys() == set(PRESSORS):
         return []
-    effects = [_logarithms(drug, dose) for drug, dose in doses.items()]
     parts = []
-    for place, name in _MULTIPLIED:
-        changes = [one[place] for one in effects]
+    for effect in _MULTIPLIED:
+        changes = [_logarithm(effect, drug, doses) for drug in doses]
         rises, falls = (sorted(abs(c) for c in changes if sign * c > 0.0) for sign in (1.0, -1.0))
         if any(sum(side[:-1]) > LARGEST_COMBINED_LOGARITHM for side in (rises, falls)):
-            parts.append(f"{name} x {math.exp(sum(changes)):.2g}")
+            parts.append(f"{effect.replace('_', ' ')} x {math.exp(sum(changes)):.2g}")
     if not parts:
         return []
     text = (
@@ -212,13 +204,11 @@ def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
     return [Finding.without_limit(CAUTION, "contractility_lv_factor", float("nan"), text, "MAP", "CO")]
 
 
-def _logarithms(drug: str, dose: float) -> list[float]:
-    """Effects of a drug at dose times sensitivity, in the order of `eclsim.drugs.law.Effects`."""
-    from eclsim.drugs.published import PUBLISHED
+def _logarithm(effect: str, drug: str, doses: Mapping[str, float]) -> float:
+    """Logarithm of the factor by which a drug, alone, changes something; `effect` as in `combined_effect`."""
+    from eclsim.drugs.published import combined_effect
 
-    published = PUBLISHED[drug]
-    part = (dose / published.half_dose) ** published.steepness
-    return [part / (1.0 + part) * most for most in published.at_most]
+    return float(combined_effect(effect, {drug: doses[drug]}))
 
 
 def _unanswered_gases(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
