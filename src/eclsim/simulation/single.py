@@ -220,7 +220,7 @@ def _at_held_flow(
 def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]) -> xr.DataArray:
     model = model_of(solved.case_at(0.0))
     model.refuse_unknown([name for name in parameters if name != solved.flow_key])
-    values = model.values | {solved.flow_key: float(solved.flows[0])}
+    values = {**model.values, solved.flow_key: float(solved.flows[0])}
     about = {
         "id": solved.case.patient.id,
         "status": NOT_REACHED,
