@@ -1,11 +1,16 @@
 import re
+import tomllib
 from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from eclsim.cases.case import Case
+from eclsim.cases.reading import read_mapping
 from eclsim.simulation.figures import available_parts, plot_overview, plot_waveforms
+from eclsim.simulation.single import simulate
+from small_patient import ON_ECMO, PATIENT
 
 UNIT = re.compile(r"\[(s|mmHg|mL/s|mL/min|L/min|mL)\]$")
 
@@ -15,6 +20,10 @@ def curves(figure: Figure) -> dict[str, list[str]]:
     return {
         ax.get_title(loc="left"): [str(line.get_label()) for line in ax.get_lines()] for ax in figure.axes
     }
+
+
+def case_of(text: str) -> Case:
+    return read_mapping(tomllib.loads(text)).case
 
 
 def test_parts_are_those_of_the_circuit(healthy, ecmo, ecmo_crrt, lvad):
@@ -137,3 +146,28 @@ def test_no_legend_runs_to_the_edge_of_the_page(ecmo_crrt):
                 part,
                 ax.get_title(),
             )
+
+
+def test_an_assist_device_is_shown_beside_the_heart_it_drains():
+    pump = 'pump = "HVAD"\nspeed_rpm = 2000\n'
+    right = f'[lvad.right]\n{pump}inlet_site = "rv"\noutlet_site = "part"\n'
+    left = f'[lvad.left]\n{pump}inlet_site = "lv"\noutlet_site = "ao"\n'
+    result = simulate(case_of(PATIENT + right + left))
+    assert curves(plot_waveforms(result, "lvad.right")) == {
+        "Pressures": ["right ventricle", "pulmonary arteries"],
+        "Pump head": ["pressure rise over the pump"],
+        "Flows": ["LVAD pump", "pulmonary valve"],
+        "Right ventricle": ["right ventricle"],
+    }
+    assert curves(plot_waveforms(result, "lvad.left"))["Flows"] == ["LVAD pump", "aortic valve"]
+
+
+def test_flows_of_an_ecmo_with_a_second_return_cannula_add_up():
+    without_crrt = ON_ECMO.partition("[crrt]")[0]
+    result = simulate(case_of(without_crrt + 'second_return_site = "rv"\nsecond_return_fr = 17\n'))
+    figure = plot_waveforms(result, "ecmo")
+    flows = next(ax for ax in figure.axes if ax.get_title(loc="left") == "Flows")
+    mean = {str(line.get_label()): np.mean(np.asarray(line.get_ydata())) for line in flows.get_lines()}
+    assert len(mean) == 5
+    returned = mean["return cannula"] + mean["second return cannula"]
+    assert returned == pytest.approx(mean["ECMO pump"], rel=1e-3)

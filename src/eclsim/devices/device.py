@@ -157,6 +157,10 @@ class Device(ABC, Generic[S]):
             remarks: collects mistakes, warnings and notes.
         """
 
+    def panels_of(self, section: S) -> Sequence[Panel]:
+        """Panels of its figure of waveforms for a section, where they follow from how it is connected."""
+        return self.panels
+
     def summary(self, section: S) -> str:
         """Short text of its main settings, such as "HM3 4900 rpm"."""
         settings = section.model_dump(exclude_none=True)
@@ -302,7 +306,10 @@ class Naming:
 
     def panels(self) -> tuple[Panel, ...]:
         """Panels of its figure of waveforms, with the instance's names."""
-        panels = self.device.panels or (
+        return self._named(self.device.panels)
+
+    def _named(self, panels: Sequence[Panel]) -> tuple[Panel, ...]:
+        panels = panels or (
             Panel("Pressures", "mmHg", tuple(f"P{place}" for place in self.device.compartments)),
             Panel("Flows", self.device.views.flow_unit.unit, tuple(f"Q{p}" for p in self.device.connections)),
             Panel("Pump head", "mmHg", tuple(f"P{place}" for place in Naming(self.device).pumps())),
@@ -410,6 +417,10 @@ class Instance(Naming):
         if haemoglobin_g_dl is not None:
             values |= self.device.values_of_blood(self.section, haemoglobin_g_dl, gases)
         return {self.parameter(name): value for name, value in values.items()}
+
+    def panels(self) -> tuple[Panel, ...]:
+        """Panels of its figure of waveforms as it is connected, with the instance's names."""
+        return self._named(self.device.panels_of(self.section))
 
     def circuit(self) -> Circuit:
         """Its compartments and connections, all in the group of its own key."""

@@ -611,7 +611,11 @@ class EcmoDevice(Device[Ecmo]):
     panels = (
         Panel("Before the pump", "mmHg", ("Pecmodrain", "Pecmotudp")),
         Panel("After the pump", "mmHg", ("Pecmotupo", "Pecmooxy", "Pecmotuor", "Pecmoreturn")),
-        Panel("Flows", "L/min", ("Qecmodrain", "Qecmopump", "Qecmooxy", "Qecmoreturn")),
+        Panel(
+            "Flows",
+            "L/min",
+            ("Qecmodrain", "Qecmodrain2", "Qecmopump", "Qecmooxy", "Qecmoreturn", "Qecmoreturn2"),
+        ),
         Panel("Pump head", "mmHg", ("Pecmopump",)),
     )
     swept = (

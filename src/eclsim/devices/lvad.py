@@ -110,12 +110,6 @@ class LvadDevice(Device[Lvad]):
     key, name, section = GROUP, "LVAD", Lvad
     connections = {"lvadpump": "LVAD pump"}
     marks = {"lvadpump": Mark("pump", "LVAD pump")}
-    panels = (
-        Panel("Pressures", "mmHg", ("Plv", "Pao")),
-        Panel("Pump head", "mmHg", ("Plvadpump",)),
-        Panel("Flows", "L/min", ("Qlvadpump", "Qlv")),
-        Panel("Left ventricle", "mL", ("Vlv",)),
-    )
     tabled = ()
     look = Look("#A84A00", "#FBF1EA", 2.0, (0, (6, 1.3, 1.2, 1.3)), "D")
     products = tuple(PUMPS.values())
@@ -154,6 +148,16 @@ class LvadDevice(Device[Lvad]):
     def values(self, section: Lvad) -> dict[str, float]:
         """Constants of the pump curve, and speed."""
         return pump_values(GROUP, PUMPS[section.pump]) | {"lvad.speed_rpm": section.speed_rpm}
+
+    def panels_of(self, section: Lvad) -> tuple[Panel, ...]:
+        """Pressures at its sites, its head and flow, and flow out of and volume of what it drains."""
+        drained, given = section.inlet_site, section.outlet_site
+        return (
+            Panel("Pressures", "mmHg", (f"P{drained}", f"P{given}")),
+            Panel("Pump head", "mmHg", ("Plvadpump",)),
+            Panel("Flows", "L/min", ("Qlvadpump", f"Q{drained}")),
+            Panel(PATIENT_SITES.get(drained, drained).capitalize(), "mL", (f"V{drained}",)),
+        )
 
     def summary(self, section: Lvad) -> str:
         """Pump and speed."""

@@ -13,12 +13,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import untrusted
 from eclsim.circuit import Circuit
 from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import device_of
 from eclsim.files import file_stem
+from eclsim.orbit.model import CASE
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting.beat_values import (
     COMPARTMENTS,
@@ -141,8 +143,11 @@ def available_parts(result: xr.Dataset) -> list[str]:
 
 
 def _instances(result: xr.Dataset) -> dict[str, Naming]:
-    """Devices whose waveforms are in the result."""
-    return {instance.key: instance for instance in instances_at(_places_of_curves(result, "Q"))}
+    """Devices whose waveforms are in the result, with their sections if it is that of a case."""
+    named = {instance.key: instance for instance in instances_at(_places_of_curves(result, "Q"))}
+    text = result.attrs.get(CASE)
+    connected = () if text is None else Case.model_validate_json(text).instances()
+    return named | {instance.key: instance for instance in connected if instance.key in named}
 
 
 def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
