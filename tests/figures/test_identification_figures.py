@@ -96,6 +96,20 @@ def test_profiles_show_the_limit_of_the_interval():
         assert axes.get_ylim()[0] < 2.0
 
 
+def test_profiles_mark_values_without_a_beat_and_call_only_the_lowest_point_the_likeliest():
+    values = np.tile(np.logspace(-1, 1, 5), (2, 1))
+    costs = np.array([[9.0, 3.0, 2.0, np.nan, 9.0], [2.0, 2.0, 2.0, 2.0, 2.0]])
+    result = SimpleNamespace(names=("a", "b"), values=values, costs=costs, optimum=np.ones(2), cost=2.0)
+    fig = plot_profiles(result, result, 2.7)
+    (cross,) = (line for line in fig.axes[0].lines if line.get_marker() == "x")
+    assert cross.get_xydata().tolist() == [[values[0, 3], 2.0]]
+    assert not [line for line in fig.axes[1].lines if line.get_marker() == "x"]
+    assert "likeliest" in [text.get_text() for text in fig.legends[0].get_texts()]
+    above = SimpleNamespace(**vars(result) | {"cost": 2.5})
+    texts = [text.get_text() for text in plot_profiles(above, above, 2.7).legends[0].get_texts()]
+    assert "likeliest" not in texts
+
+
 @pytest.mark.parametrize("size", [2, 7])
 def test_a_correlation_fills_its_page(size: int):
     fig = plot_correlation([f"Emaxl{k}" for k in range(size)], np.eye(size))

@@ -6,6 +6,7 @@ import pytest
 from eclsim.identification.least_squares import EXACT, Termination, polish, refine
 from eclsim.identification.objective import RISE_90, Box
 from eclsim.identification.profiles import (
+    doubts_of_a_lower_point,
     held_fits,
     interval_90,
     profiles,
@@ -52,6 +53,25 @@ def test_a_profile_from_one_valley_finds_the_other():
     lower, upper = interval_90(curves.values[a], curves.costs[a], LOG)
     assert np.log([lower, upper]) == pytest.approx([-0.83, 0.83], abs=0.02)
     assert {-1.0, 1.0} <= {*np.sign(curves.within[:, a])}
+
+
+def a_deeper_valley(x: np.ndarray) -> np.ndarray:
+    """As `two_valleys`, with 4 more at the one on the left."""
+    left = 2.0 / (1.0 + np.exp(20.0 * x[:, 1]))
+    return np.column_stack([two_valleys(x), left])
+
+
+def test_profiles_name_the_lowest_point_they_find():
+    curves = profiles(FunctionObjective(a_deeper_valley), BOX, np.array([-0.5, -1.0]), steps=17)
+    assert curves.cost == pytest.approx(4.0, abs=1e-3)
+    assert curves.lowest_cost == pytest.approx(0.0, abs=1e-3)
+    np.testing.assert_allclose(curves.lowest, [0.5, 1.0], atol=0.01)
+
+
+def test_a_lower_point_than_the_fit_is_a_doubt_if_the_fit_is_outside_its_region():
+    (reason,) = doubts_of_a_lower_point(fitted=31.5, lowest=25.0)
+    assert "25; a search from the fit ends at 31.5" in reason.sentence
+    assert not doubts_of_a_lower_point(fitted=27.0, lowest=25.0)
 
 
 def a_wall(x: np.ndarray) -> np.ndarray:

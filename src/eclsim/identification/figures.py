@@ -66,9 +66,7 @@ def plot_slices(slices: CostCurves) -> Figure:
             values, costs = slices.values[k], slices.costs[k]
             axes.plot(values, costs, color="black")
             axes.plot(slices.optimum[k], slices.cost, "o", **_DOT)
-            if (missing := ~np.isfinite(costs)).any():
-                level = np.full(missing.sum(), np.nanmin(costs))
-                axes.plot(values[missing], level, "x", color=GREY, markersize=3, clip_on=False)
+            _mark_missing(axes, values, costs, float(np.nanmin(costs)))
             axes.set_yscale("log")
         crosses = ", crosses: no steady heartbeat" if np.isnan(slices.costs).any() else ""
         fig.suptitle(f"Cost along each parameter (dot: optimum{crosses})")
@@ -84,6 +82,7 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, rise: float) -> Figure
         rise: a value lies within the 90 % interval where the profile is at most this far above its minimum.
     """
     low = float(np.nanmin(refitted.costs))
+    dot = "likeliest" if refitted.cost <= low + 0.05 * rise else "point that the curves go through"
     with figure_style():
         fig, panels = _parameter_panels(refitted, "chi-square", 16)
         for k, axes in enumerate(panels):
@@ -92,12 +91,22 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, rise: float) -> Figure
                 refitted.values[k], refitted.costs[k], "o-", color=OKABE_ITO["blue"], markersize=2.5,
                 label="others fitted again",
             )  # fmt: skip
+            _mark_missing(axes, refitted.values[k], refitted.costs[k], low)
             dashed = (0, (4, 2))
             axes.axhline(low + rise, color="black", lw=0.8, ls=dashed, label="limit of the 90 % interval")
-            axes.plot(refitted.optimum[k], refitted.cost, "o", label="likeliest", zorder=5, **_DOT)
+            axes.plot(refitted.optimum[k], refitted.cost, "o", label=dot, zorder=5, **_DOT)
             axes.set_ylim(low - 0.15 * rise, low + 4.0 * rise)
+        if np.isnan(refitted.costs).any():
+            fig.suptitle("crosses: no steady heartbeat")
         fig.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return fig
+
+
+def _mark_missing(axes: Axes, values: np.ndarray, costs: np.ndarray, level: float) -> None:
+    """Mark values without a steady heartbeat by crosses at a cost."""
+    missing = values[~np.isfinite(costs)]
+    if missing.size:
+        axes.plot(missing, np.full(missing.size, level), "x", color=GREY, markersize=3, clip_on=False)
 
 
 def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: np.ndarray) -> Figure:

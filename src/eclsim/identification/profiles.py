@@ -60,6 +60,8 @@ class CostCurves:
         cost: cost at this point.
         within: coordinates of all evaluated points whose cost is within `RISE_90` of the smallest, shape
             (points, parameters).
+        lowest: coordinates of the evaluated point with the smallest cost.
+        lowest_cost: cost there.
     """
 
     names: tuple[str, ...]
@@ -68,6 +70,8 @@ class CostCurves:
     optimum: np.ndarray
     cost: float
     within: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    lowest: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    lowest_cost: float = np.inf
 
 
 def slices(
@@ -148,9 +152,11 @@ def profiles(
         along, costs = _with_more_values(along, costs, _midpoints_at_interval_ends(along, costs), np.inf)
         fitted = _refit_near_interval_ends(problem, box, along, costs, fitted, explored, passes=1)
     costs = _nan_where_infinite(costs)
+    lowest = int(np.argmin(fitted.costs))
     return CostCurves(
-        box.names, box.scale.values(along.T).T, costs, box.scale.values(x), float(cost), fitted.within
-    )
+        box.names, box.scale.values(along.T).T, costs, box.scale.values(x), float(cost), fitted.within,
+        fitted.x[lowest], float(fitted.costs[lowest]),
+    )  # fmt: skip
 
 
 def _refit_near_interval_ends(
@@ -396,12 +402,8 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
         return fit.judged(_doubts_without_profile(fit)), None
     # Use the fit itself, unless another start is better or the fit's beat is too hard to find.
     centre = 0 if best.costs[0] <= best.costs.min() + SMALLEST_IMPROVEMENT else int(np.argmin(best.costs))
-    x = best.x[centre]
-    scaled = best.jacobians[centre] * likelihood.weights[0][:, None]
-    spread = fit.box.covariance(scaled)
-    further = x[:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
-    other_optima = np.vstack([best.x, fit.optimum.starts.end])
-    refitted = profiles(likelihood, fit.box, x, STEPS, further, other_optima, _explored(likelihood, fit))
+    refitted = _centred_profiles(likelihood, fit, best, centre)
+    x = fit.box.scale.coordinates(refitted.optimum)
     within = fit.box.scale.values(refitted.within).T
     intervals, without_beat = {}, {}
     for name, values, costs, points in zip(
@@ -415,9 +417,40 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
     gaussian = fit.as_object()["parameters"]
     reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, without_beat)
+    reasons += doubts_of_a_lower_point(float(best.costs[0]), float(np.nanmin(refitted.costs)))
     along = fit.box.scale.coordinates(refitted.values.T).T
     curves = FitProfiles(refitted, slices(likelihood, fit.box, x, further=along))
     return replace(fit, profile=intervals).judged(reasons), curves
+
+
+def _centred_profiles(likelihood: Objective, fit: FitResult, best: Refinement, centre: int) -> CostCurves:
+    """Profiles through the most likely of the refined starts, or through a likelier point that they find."""
+    others, explored = np.vstack([best.x, fit.optimum.starts.end]), _explored(likelihood, fit)
+
+    def through(refined: Refinement, which: int, others: np.ndarray) -> CostCurves:
+        spread = fit.box.covariance(refined.jacobians[which] * likelihood.weights[0][:, None])
+        further = refined.x[which][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
+        return profiles(likelihood, fit.box, refined.x[which], STEPS, further, others, explored)
+
+    curves = through(best, centre, others)
+    if curves.lowest_cost >= curves.cost - SMALLEST_IMPROVEMENT:
+        return curves
+    lower = refine(likelihood, np.zeros(1, dtype=int), curves.lowest[None], fit.box, REFITTING)
+    if lower.costs[0] >= curves.cost - SMALLEST_IMPROVEMENT:
+        return curves
+    return through(lower, 0, np.vstack([curves.within, others]))
+
+
+def doubts_of_a_lower_point(fitted: float, lowest: float) -> list[Reason]:
+    """Doubt about a fit whose chi-square, refined, lies outside the 90 % region of the lowest one found."""
+    if not fitted > lowest + RISE_90:
+        return []
+    sentence = (
+        f"the profile likelihood found parameters with a chi-square of {lowest:.3g}; a search from the fit "
+        f"ends at {fitted:.3g}, a local optimum: the values and Gaussian intervals of the fit are not the "
+        "likeliest; repeat it with another seed (--seed), and free fewer parameters"
+    )
+    return [Reason(Aspect.INTERVALS, Level.DOUBTFUL, "", sentence)]
 
 
 def _explored(likelihood: Objective, fit: FitResult) -> np.ndarray:
