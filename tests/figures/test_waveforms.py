@@ -167,7 +167,8 @@ def test_flows_of_an_ecmo_with_a_second_return_cannula_add_up():
     result = simulate(case_of(without_crrt + 'second_return_site = "rv"\nsecond_return_fr = 17\n'))
     figure = plot_waveforms(result, "ecmo")
     flows = next(ax for ax in figure.axes if ax.get_title(loc="left") == "Flows")
-    mean = {str(line.get_label()): np.mean(np.asarray(line.get_ydata())) for line in flows.get_lines()}
+    drawn = {str(line.get_label()): np.asarray(line.get_xydata()).T for line in flows.get_lines()}
+    mean = {label: np.trapezoid(flow, time) / np.ptp(time) for label, (time, flow) in drawn.items()}
     assert len(mean) == 5
     returned = mean["return cannula"] + mean["second return cannula"]
     assert returned == pytest.approx(mean["ECMO pump"], rel=1e-3)
