@@ -2,6 +2,7 @@
 
 import json
 
+import pandas as pd
 import pytest
 
 from eclsim.cases.presets import PRESETS
@@ -85,6 +86,26 @@ def test_before_and_after_stand_side_by_side_with_the_change(shell):
     written = json.loads(shell.run("simulate", case, "--set", "Rmc=0.8", "--compare", "--json", "-").stdout)
     first, second = (one["outputs"]["MAP"] for one in written["cases"])
     assert written["compare"]["change"]["MAP"] == pytest.approx(second - first)
+
+
+def test_files_of_a_comparison_say_which_is_before_and_which_after(shell, tmp_path):
+    case, folder = shell.case(more=shell.ecmo), tmp_path / "compared"
+    options = ("--set", "Rmc=0.8", "--compare", "--csv", str(folder), "--figures", str(folder))
+    done = shell.run("simulate", case, *options)
+    assert done.exit_code == 0, done.stderr
+    names = {path.name for path in folder.iterdir()}
+    assert {"P01_before_overview.svg", "P01_after_overview.svg", "comparison_pressure_volume.png"} <= names
+    assert "P01, after" in (folder / "P01_after_overview.svg").read_text(encoding="utf-8")
+    assert "after: Rmc=0.8" in (folder / "comparison_pressure_volume.svg").read_text(encoding="utf-8")
+    table = pd.read_csv(folder / "outputs.csv")
+    assert list(table["id"]) == ["P01", "P01"]
+    assert list(table["compared"]) == ["before", "after"]
+    for path in folder.iterdir():
+        if not path.name.startswith("comparison"):
+            path.unlink()
+    again = shell.run("simulate", case, *options)
+    assert again.exit_code == 2
+    assert "comparison_pressure_volume" in again.stderr
 
 
 def test_two_files_are_compared_and_a_case_without_a_beat_has_no_change(shell):

@@ -109,15 +109,24 @@ def _check_modes(o: SimulateOptions) -> None:
     }))  # fmt: skip
 
 
-def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
-    """Return the destinations for the results of cases with these ids; exit with status 2 on errors."""
-    places, result = _destinations(o, ids, tables)
+def _places(
+    o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",), of_all: Sequence[str] = ()
+) -> OutputPlaces:
+    """Return the destinations for the results of cases with these ids; exit with status 2 on errors.
+
+    Args:
+        o: options of the command.
+        ids: ids of the cases.
+        tables: stems of the tables of all cases.
+        of_all: stems of the figures of all cases.
+    """
+    places, result = _destinations(o, ids, tables, of_all)
     places.check()
     return result
 
 
 def _destinations(
-    o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)
+    o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",), of_all: Sequence[str] = ()
 ) -> tuple[Destinations, OutputPlaces]:
     """Return the destinations for the results of cases with these ids, and the errors in them."""
     stems = file_stems(ids)
@@ -125,7 +134,7 @@ def _destinations(
     result = OutputPlaces(
         json=places.target("--json", o.json),
         out=places.file("--out", o.out, NETCDF),
-        figures=places.folder("--figures", o.figures, stems=stems),
+        figures=places.folder("--figures", o.figures, stems=[*stems, *of_all]),
         csv=places.folder("--csv", o.csv, stems=[*stems, *tables]),
         stems=stems,
     )
@@ -138,17 +147,27 @@ def _simulate_each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
     """Simulate each case, write and show the results; `labels` name the cases before and after a change."""
+    from eclsim.reporting.beat_values import COMPARED, SIDES
+    from eclsim.simulation.files import COMPARISON
     from eclsim.simulation.single import simulate as steady
     from eclsim.simulation.single import simulate_transient
 
     cases = [reading.case for reading in readings]
     names = _waveforms(o, cases)
-    places = _places(o, [case.patient.id for case in cases])
+    ids = [case.patient.id for case in cases]
+    if labels:
+        named = [f"{i}_{which}" for i, which in zip(ids, SIDES, strict=True)]
+        places = _places(o, named, of_all=(COMPARISON,))
+    else:
+        places = _places(o, ids)
     results = []
     with Progress() as progress:
         for case in cases:
             progress(f"simulating {case.patient.id}")
             results.append(steady(case, solver=o.solver, check_grid=o.check_grid))
+    if labels:
+        pairs = zip(results, SIDES, strict=True)
+        results = [result.assign_attrs({COMPARED: which}) for result, which in pairs]
     courses = [
         simulate_transient(case, o.transient, solver=o.solver, names=names)
         if "phase" in result.dims
@@ -200,6 +219,8 @@ def _write(
             files.write_csv(results, courses, places.csv, places.stems, names)
         if places.figures is not None:
             files.write_figures(cases, results, places.figures, places.stems)
+            if labels:
+                files.write_comparison(results, labels, places.figures)
         content = {} if places.json is None else results_object(results)
         if labels:
             content["compare"] = {"before": labels[0], "after": labels[1], "change": change}

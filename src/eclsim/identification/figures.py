@@ -41,6 +41,8 @@ _MARKS = {
     "SP": ("o", "vermillion"), "DP": ("s", "blue"), "MAP": ("^", "black"), "MPAP": ("D", "bluish green"),
     "PCWP": ("v", "orange"), "CO": ("o", "vermillion"), "PF": ("s", "blue"),
 }  # fmt: skip
+NARROWEST_SHARE = 0.02
+"""Smallest span of an axis of predictions, as a share of its values: rounding is not shown as a change."""
 LONGEST_BESIDE_UNIT = 12
 """Largest number of letters of an output's name that has its unit behind it, not below."""
 _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip_on": False}
@@ -369,6 +371,9 @@ def _intervals(ax: Axes, result: PosteriorResult, name: str) -> None:
         value, error = result.density.measured[name], result.density.errors[name]
         ax.errorbar(value, 0.36, xerr=1.645 * error, fmt="D", color=GREY, markersize=3, linewidth=0.9,
                     capsize=2, label="measured and its 90 %")  # fmt: skip
+    low, high = ax.get_xlim()
+    if (short := NARROWEST_SHARE * max(abs(low), abs(high)) - (high - low)) > 0.0:
+        ax.set_xlim(low - 0.5 * short, high + 0.5 * short)
 
 
 def _edges(name: str, values: np.ndarray) -> np.ndarray:

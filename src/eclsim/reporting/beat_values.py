@@ -71,9 +71,15 @@ def check_beat(result: object) -> None:
         raise TypeError(f"{what} cannot be drawn; allowed: the beat of one case, from eclsim.simulate")
 
 
+COMPARED = "compared"
+"""Attribute of two results of a comparison: which of `SIDES` of a change it is."""
+SIDES = ("before", "after")
+
+
 def case_name(result: "xr.Dataset") -> str:
-    """Return the printable id of the case, with a warning if its beat was not found or is not unique."""
+    """Printable id, before or after a change, with a warning if the beat was not found or is not unique."""
     name = plain_text(result.attrs.get("id", "case"), limit=44)
+    name = f"{name}, {result.attrs[COMPARED]}" if COMPARED in result.attrs else name
     if not int(result.attrs.get("converged", 1)):
         return f"{name} (NOT CONVERGED)"
     return f"{name} (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else name

@@ -11,10 +11,11 @@ import numpy as np
 
 from eclsim import files
 from eclsim.cases import Case
-from eclsim.cases.fit_mark import with_doubts
+from eclsim.cases.fit_mark import untrusted, with_doubts
 from eclsim.files import finite, frame_text, write_text
 from eclsim.orbit.model import CASE, circuit_of
 from eclsim.outputs.results import scalars_of
+from eclsim.reporting.beat_values import COMPARED, SIDES
 from eclsim.simulation.target_flow import solved_speed_of
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ OUTPUTS = (
     "EDVLV", "ESVLV", "EDVRV", "ESVRV", "EDVLA", "ESVLA", "EDVRA", "ESVRA",
 )  # fmt: skip
 """The outputs of the agreed file format, in its order; PF only with an ECMO circuit."""
+COMPARISON = "comparison_pressure_volume"
+"""Stem of the figure that shows two compared cases in one."""
 
 
 def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
@@ -85,6 +88,17 @@ def write_figures(
         write_case_figures(circuit_of(case), result, folder, stem=stem)
 
 
+def write_comparison(results: Sequence[xr.Dataset], labels: Sequence[str], folder: Path) -> None:
+    """Write one figure of the pressure-volume loops before and after a change; none if a beat is missing."""
+    from eclsim.reporting.style import save_figure
+    from eclsim.simulation.figures import plot_pressure_volume
+
+    if all("phase" in result.dims for result in results):
+        named = [f"{which}: {label}" for which, label in zip(SIDES, labels, strict=True)]
+        doubts = list(dict.fromkeys(s for r in results for s in untrusted(r.attrs.get("warnings", ()))))
+        save_figure(plot_pressure_volume(results, named, atria=True), folder / COMPARISON, above=doubts)
+
+
 def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     """Return all scalars and the requested waveforms."""
     if names is None:
@@ -111,10 +125,11 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
 def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
     import pandas as pd
 
-    about = ("id", "converged", "status", "message", "beats", "residual", "blood_volume_policy")
+    about = ("converged", "status", "message", "beats", "residual", "blood_volume_policy")
     rows = []
     for result in results:
-        row = {name: result.attrs.get(name) for name in about}
+        row = {name: result.attrs[name] for name in ("id", COMPARED) if name in result.attrs}
+        row |= {name: result.attrs.get(name) for name in about}
         row |= {"gas_status": status} if (status := result.attrs.get("gas_status")) else {}
         row["impossible"] = int(result.attrs.get("impossible", 0))
         row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
