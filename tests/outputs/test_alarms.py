@@ -406,6 +406,11 @@ def test_a_right_ventricle_that_a_pump_empties_is_warned_of():
     assert "do not describe ejection through the pulmonary valve" in found[1].sentence
     (only,) = findings(empty | {"ESVRV": 45.0}, {}, circuit)
     assert only.kind == "caution"
+    names = ("right_atrial_pressure", "caval_filling", "EDVRV")
+    sucked = findings(empty | dict(zip(names, (-33.0, 60.0, 13.0), strict=True)), {}, circuit)
+    suction = next(one for one in sucked if one.quantity == "ESVRV")
+    assert "(right atrial pressure -33.0 mmHg)" in suction.sentence
+    assert {"right_atrial_pressure", "EDVRV"} <= set(suction.concerns)
 
 
 def test_a_pump_that_lets_blood_back_is_not_said_to_empty_the_ventricle():

@@ -213,13 +213,16 @@ def _suction(names: Naming, outputs: Mapping[str, float], drained: str) -> list[
         return []
     flow = names.output("lvad_flow")
     filling = f" (end-diastolic pressure {pressure:.1f} mmHg)" if math.isfinite(pressure) else ""
+    behind = outputs.get("right_atrial_pressure", 0.0) if drained == "rv" else 0.0
+    filling = f" (right atrial pressure {behind:.1f} mmHg)" if behind < 0.0 else filling
+    sucked = ("right_atrial_pressure", "EDVRV", "EDVRA") if behind < 0.0 else ()
     text = (
         f"the {names.label} empties the {VENTRICLES[drained][0]} to {volume:.0f} mL{filling}: suction is "
         "likely, and the flow too high, as the model's ventricle does not collapse; lower the speed or give "
         "blood"
     )
     about = (quantity, pressure, lowest) if pressure < lowest else (smallest, volume, SUCTION_ML)
-    return [Finding("warning", *about, text, concerns=(flow, smallest, quantity))]
+    return [Finding("warning", *about, text, concerns=(flow, smallest, quantity, *sucked))]
 
 
 LVAD = LvadDevice()
