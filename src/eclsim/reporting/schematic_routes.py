@@ -39,6 +39,8 @@ _LONGEST_SEARCH = 4
 PUMP_RADIUS = 3.3
 # Tried in this order; the first arc that crosses the fewest boxes and texts is used.
 _ARC_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
+_BESIDE_NEIGHBOUR = 1.4
+"""Distance [mm] of a line from the box that stands between it and the centre."""
 _CHANNEL, _CHANNEL_PITCH = 25.0, 3.5
 """Distance [mm] of the first inner pump's lines from the centre, and between lines."""
 
@@ -268,8 +270,18 @@ def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: flo
     row = plan.places[site].row
     height = y + {LUNGS: 2.5 * earlier - 4.5, BODY: 4.5 - 2.5 * earlier}.get(row, -3.0 * earlier)
     inwards = 1.0 if x < MIDDLE else -1.0
-    channel = MIDDLE - inwards * distance
+    channel = _beside_neighbour(page, site, MIDDLE - inwards * distance, inwards, earlier)
     return [(x + inwards * BOX_WIDTH / 2, height), (channel, height), (channel, level), (MIDDLE, level)]
+
+
+def _beside_neighbour(page: Layout, site: str, channel: float, inwards: float, earlier: int) -> float:
+    """Where a line goes down to a box: in its channel, or between the box and a neighbour that covers this."""
+    x, y = page.places[site]
+    half = BOX_WIDTH / 2
+    for other, height in page.places.values():
+        if height == y and abs(other - x) > half and abs(other - channel) <= half:
+            return other - inwards * (half + _BESIDE_NEIGHBOUR + 2.0 * earlier)
+    return channel
 
 
 def arc(first: Box, second: Box, blocked: Sequence[Sequence[float]]) -> tuple[float, Path]:
