@@ -25,7 +25,8 @@ from scipy.stats import rankdata
 
 from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.identification.density import GradientEvaluator, PosteriorDensity
-from eclsim.identification.importance import Jumps, Mixture
+from eclsim.identification.importance import FEWEST_EFFECTIVE
+from eclsim.identification.proposals import Jumps, Mixture
 from eclsim.orbit.execution import in_threads
 
 if TYPE_CHECKING:
@@ -262,7 +263,6 @@ def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.
 
 
 LARGEST_R_HAT = 1.01
-FEWEST_EFFECTIVE = 400
 LARGEST_DIVERGENT_SHARE = 0.01
 SMALLEST_ENERGY_FRACTION = 0.3
 

@@ -15,6 +15,7 @@ from eclsim.identification.verdict import FitVerdict
 if TYPE_CHECKING:
     import xarray as xr
 
+HOURS_PER_DAY = 24.0
 SHARES = (0.05, 0.5, 0.95)
 """Quantiles of an `Interval`: lower end, median, upper end."""
 
