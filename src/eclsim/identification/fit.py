@@ -369,10 +369,20 @@ def _result(
     if not optimum.exists:
         nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
         return FitResult(
-            name, case, target.measured, {}, dict.fromkeys(box.names, nothing),
-            np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number, known,
-            settings, FitVerdict(None, tuple(search(optimum.status))),
-        )  # fmt: skip
+            name=name,
+            case=case,
+            measured=target.measured,
+            simulated={},
+            parameters=dict.fromkeys(box.names, nothing),
+            correlation=np.full((len(box.names),) * 2, np.nan),
+            objective=objective,
+            box=box,
+            optimum=optimum,
+            number=number,
+            uncertainties=known,
+            settings=settings,
+            verdict=FitVerdict(None, tuple(search(optimum.status))),
+        )
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
@@ -405,10 +415,21 @@ def _result(
         *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
     ]  # fmt: skip
     return FitResult(
-        name, changed, target.measured, simulated, parameters, correlation(spread),
-        objective, box, optimum, number, known, settings, FitVerdict(goodness, ()).with_reasons(reasons),
-        output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
-    )  # fmt: skip
+        name=name,
+        case=changed,
+        measured=target.measured,
+        simulated=simulated,
+        parameters=parameters,
+        correlation=correlation(spread),
+        objective=objective,
+        box=box,
+        optimum=optimum,
+        number=number,
+        uncertainties=known,
+        settings=settings,
+        verdict=FitVerdict(goodness, ()).with_reasons(reasons),
+        intervals=output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
+    )
 
 
 def checked_by_simulation(result: FitResult) -> FitResult:
