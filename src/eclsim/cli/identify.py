@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import typer
 
@@ -25,7 +25,7 @@ from eclsim.cli.options import (
     option,
 )  # fmt: skip
 from eclsim.files import write_text
-from eclsim.inputs.mistakes import CaseError
+from eclsim.inputs.mistakes import CaseError, InputError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from eclsim.identification.settings import FitSettings
     from eclsim.inputs.mistakes import Mistake
 
+Value = TypeVar("Value")
 Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
 """Default numbers of chains, of discarded draws and of kept draws."""
@@ -153,27 +154,29 @@ def fit_settings(
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.outputs.uncertainty import DEFAULTS
     from eclsim.parameters.thiel2025 import BOUNDS
-    from eclsim.sensitivity.inputs import InputError, read_uncertainties
+    from eclsim.sensitivity.inputs import read_uncertainties
 
     wrong: list[str] = []
-    uncertainties, limits = {}, {}
-    try:
-        uncertainties = read_uncertainties(free.uncertainty or "")
-    except InputError as error:
-        wrong += error.mistakes
+    uncertainties = _read(read_uncertainties, free.uncertainty, wrong)
     allowed = ", ".join(DEFAULTS)
     wrong += [
         f"--uncertainty {n}: no measurement; allowed: {allowed}" for n in uncertainties if n not in DEFAULTS
     ]
-    try:
-        limits = read_bounds(free.bounds or "")
-    except ValueError as error:
-        wrong += str(error).splitlines()
+    limits = _read(read_bounds, free.bounds, wrong)
     names = tuple(BOUNDS) if free.parameters is None else _unique(free.parameters)
     if not names:
         wrong.append("--parameters: no names")
     refuse(wrong)
     return FitSettings(names, limits, weights, uncertainties, MultiStart(seed=seed), policy)
+
+
+def _read(read: Callable[[str], dict[str, Value]], text: str | None, wrong: list[str]) -> dict[str, Value]:
+    """Return the values of an option by name; its errors are added to a list."""
+    try:
+        return read(text or "")
+    except InputError as error:
+        wrong += error.mistakes
+        return {}
 
 
 def source_of_mistake(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:

@@ -17,6 +17,7 @@ from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.inputs.mistakes import InputError
+from eclsim.inputs.named_values import named_texts
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.results import unit_of_value
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties
@@ -411,24 +412,29 @@ def _allowed_range(name: str, case: Case) -> tuple[float, float] | None:
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
-    """Parse "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
-    result, wrong = {}, []
-    for part in (p.strip() for p in text.split(",") if p.strip()):
-        name, _, number = (p.strip() for p in part.partition("="))
+    """Parse "SP=4,CO=10%": numbers in the unit of the output, or percent of its value.
+
+    Raises:
+        InputError: A part has another form, or a name is given twice.
+    """
+    result: dict[str, Uncertainty] = {}
+    wrong = []
+    for part in named_texts([text]):
+        name, number = part.name, part.text
         try:
             value = float(number.removesuffix("%"))
         except ValueError:
             value = 0.0
         if not value > 0.0 or value == float("inf"):
             wrong.append(
-                f"--uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
+                f"--uncertainty {part.written}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
             )
         elif name in result:
-            wrong.append(f"--uncertainty {part}: {name} is given twice; leave one of them out")
+            wrong.append(f"--uncertainty {part.written}: {part.twice}")
         elif number.endswith("%") and value > 100.0:
             wrong.append(
-                f"--uncertainty {part}: so large an uncertainty carries no information; allowed: up to 100%, "
-                "or leave the measurement out"
+                f"--uncertainty {part.written}: so large an uncertainty carries no information; allowed: up "
+                "to 100%, or leave the measurement out"
             )
         else:
             result[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)
