@@ -16,7 +16,7 @@ from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices.description import LABELS
-from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.execution import Executor, Progress, Tasks, announce, complete_in, json_format
 from eclsim.simulation.target_flow import FlowNotReachedError
 
 if TYPE_CHECKING:
@@ -225,8 +225,7 @@ def crrt_cohort(
     tasks = Tasks("schemes", "groups of data points", compute, groups, inputs)
     # Studies with different options have separate folders, so the fits can be reused.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
-    place = None if folder is None else folder / f"studies-{mark}"
-    groups_done = (executor or Executor()).complete(tasks, place, _FORMAT, progress)
+    groups_done = complete_in(folder, f"studies-{mark}", tasks, _FORMAT, executor, progress)
     outcomes = [outcome for group in groups_done for outcome in group]
     by_name = {outcome.name: outcome for outcome in outcomes}
     failures = {**fitted.not_fitted, **{outcome.name: outcome.lost for outcome in outcomes if outcome.lost}}
