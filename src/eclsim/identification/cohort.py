@@ -21,7 +21,7 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.solutions import with_solutions_sought
 from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
-from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.model import CaseSource, as_case, circuit_of
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -151,8 +151,6 @@ def fitted_text(fit: FitResult) -> str:
 
 def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
     """Group points of the same circuit, a few at a time; with `by_patient`, all points of one patient."""
-    from eclsim.orbit.model import circuit_of
-
     by_circuit: dict[tuple[Circuit, str], list[CohortPoint]] = {}
     for point in points:
         key = (circuit_of(point.case), point.patient_id if by_patient else "")

@@ -14,6 +14,7 @@ from eclsim.files import csv_text, whole_file, write_json, write_text, write_tex
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
+from eclsim.identification.profiles import slices
 from eclsim.identification.quantities import unit_of, unit_of_parameter
 from eclsim.identification.report import REPORT, differences_of, wider_interval
 from eclsim.identification.track_report import doubts_of_first, doubts_of_point, track_page
@@ -113,7 +114,6 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
     The patient's id, and the verdict unless it is good, stand above each figure.
     """
     from eclsim.identification import figures as plots
-    from eclsim.identification.profiles import slices
     from eclsim.reporting.style import plain_text, save_figures, write_above
 
     if not len(fit.optimum.starts.agreeing):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
@@ -80,14 +81,15 @@ from eclsim.identification.verdict import (
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, model_of
+from eclsim.outputs.alarms import findings
+from eclsim.outputs.contraction import softening
+from eclsim.outputs.results import simulate
 from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.parameters.thiel2025 import stiff_atria
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
 
 _ENDS = {"lower": "low", "upper": "high"}
@@ -191,8 +193,6 @@ class FitResult:
         The attribute `case` is the fitted case as JSON text, for `Case.model_validate_json`; `reasons` are
         those of the verdict, each after its level.
         """
-        import xarray as xr
-
         names, outputs = list(self.parameters), list(self.simulated or self.measured)
         columns = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
         data: dict[
@@ -436,10 +436,6 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     """Simulate the fitted patient and return the fit with doubts, such as outputs outside adult ranges."""
     if not result.simulated:
         return result
-    from eclsim.outputs.alarms import findings
-    from eclsim.outputs.contraction import softening
-    from eclsim.outputs.results import simulate
-
     model = model_of(result.case)
     beat = simulate(model, result.objective.policy)
     if not beat.attrs["converged"]:

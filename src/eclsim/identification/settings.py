@@ -23,6 +23,7 @@ from eclsim.inputs.mistakes import CaseError, InputError, Mistake, Remarks, as_n
 from eclsim.inputs.named_values import named_texts
 from eclsim.inputs.sections import NOT_FITTED
 from eclsim.orbit.model import VolumePolicy, circuit_of
+from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties, measurement_errors
@@ -37,6 +38,7 @@ from eclsim.parameters.regulation import (
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.patient.sites import ARTERIAL_SITES
+from eclsim.sensitivity.identifiability import identifiability, propose
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -205,9 +207,6 @@ def free_parameters(
         usual: names of the usual parameters.
         policy: blood volume policy; None takes that of the case.
     """
-    from eclsim.orbit.status import NoDerivativesError
-    from eclsim.sensitivity.identifiability import identifiability, propose
-
     unknown = parameters_informed_by_gases(case)
     if not unknown:
         return tuple(usual)

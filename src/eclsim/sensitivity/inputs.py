@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from eclsim.cases.resolve import circuit_of, switched_circuit
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
@@ -20,6 +21,7 @@ from eclsim.inputs.mistakes import InputError
 from eclsim.inputs.named_values import named_texts
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.results import unit_of_value
+from eclsim.outputs.signals import parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties
 from eclsim.spelling import spelling_hint
 
@@ -169,8 +171,6 @@ def varied_inputs(
         perturbation_percent: half width of the range of each number without a range of its own.
         ranges: own ranges of inputs, as `checked_ranges` returns them.
     """
-    from eclsim.outputs.signals import parameters_read
-
     ranges = ranges or {}
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
@@ -211,8 +211,6 @@ def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
 
 def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float]]:
     """Return the circuit, with switchable lines if any of these is an input, and their present positions."""
-    from eclsim.cases.resolve import circuit_of, switched_circuit
-
     if not moved:
         return circuit_of(case), {}
     circuit, positions = switched_circuit(case)
