@@ -25,6 +25,7 @@ from eclsim.cli.options import (
     option,
 )  # fmt: skip
 from eclsim.files import write_text
+from eclsim.identification import SUMMARY
 from eclsim.inputs.mistakes import CaseError, InputError
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ Value = TypeVar("Value")
 Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
 """Default numbers of chains, of discarded draws and of kept draws."""
-SUMMARY = "identification.json"
 ROWS_NAMED = 5
 """Number of table lines named in an error."""
 
@@ -255,7 +255,7 @@ def _write_fit(
         path = write_fitted_case(folder / "cases", fit)
         if not posterior:
             say(f"fitted case: {path}")
-    return content, write_fit_page(folder, content, fit.case, folder / "figures")
+    return content, write_fit_page(folder, content, folder / "figures", fit.case)
 
 
 def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
@@ -404,7 +404,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     content = fits_object(results, settings.as_object(), reading)
     write_fits(folder, content, reading.refusals)
     write_cohort_figures(folder / "figures", content)
-    say(f"report: {write_fit_page(folder, content, drawings=folder / 'figures')}")
+    say(f"report: {write_fit_page(folder, content, folder / 'figures')}")
     changed = digest_of(o.file) != reading.digest
     if changed:
         say(f"error: {o.file}: changed or deleted during the fit; the results are those of the original file")

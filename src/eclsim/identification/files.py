@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import DOUBTS
 from eclsim.files import csv_text, whole_file, write_json, write_text, write_texts
+from eclsim.identification import SUMMARY, TRACK_SUMMARY
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import FitProfiles
 
-SUMMARY = "identification.json"
-TRACK_SUMMARY = "track.json"
 REFUSED = "refused"
 """Verdict in the table of verdicts on a row that could not be used."""
 _QUANTILES = ("median", "lower", "upper")

@@ -164,7 +164,7 @@ class FitResult:
             for r in verdict.doubts
             if r.aspect is Aspect.INTERVALS
         }
-        parameters = self._undetermined(disagreeing)
+        parameters = self.with_undetermined(disagreeing)
         if verdict.level is Level.POOR:
             nothing = {"identifiable": False, "reason": NOT_FROM_A_POOR_FIT}
             parameters = {name: replace(p, **nothing) for name, p in parameters.items()}
@@ -177,8 +177,8 @@ class FitResult:
         own = {name: ends for name, ends in reaches.items() if name in self.intervals}
         return widened(self.intervals, own, self.simulated, self.measured, self.settings.uncertainties)
 
-    def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
-        """Return the parameters; those with a reason are marked as not determined."""
+    def with_undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
+        """Return the parameters; those with a reason, by name, are marked as not determined."""
         return {
             name: replace(p, identifiable=False, reason=reasons[name])
             if p.identifiable and name in reasons
@@ -503,7 +503,7 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
 def _widened(result: FitResult, found: Compensation) -> tuple[FitResult, list[Reason]]:
     """Return the fit with wider intervals of parameters, marked as not determined, and the reason."""
     result = replace(result, parameters=with_wider_intervals(result.parameters, found.intervals))
-    parameters = result._undetermined(dict.fromkeys(found.intervals, found.why))
+    parameters = result.with_undetermined(dict.fromkeys(found.intervals, found.why))
     reason = Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)
     intervals = result.wider_intervals({n: (reach.low, reach.high) for n, reach in found.outputs.items()})
     named = tuple(found.outputs) or result.named_as_undetermined
@@ -546,7 +546,7 @@ def _without_compensating_parameters(
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
         reaches, of_outputs = _reaches(result, held_fit)
-        parameters = with_wider_intervals(result._undetermined(reasons), reaches)
+        parameters = with_wider_intervals(result.with_undetermined(reasons), reaches)
         judged.append(replace(result, parameters=parameters, intervals=result.wider_intervals(of_outputs)))
     return judged
 
