@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import DOUBTS
-from eclsim.files import csv_text, whole_file, write_json, write_text, write_texts
+from eclsim.files import csv_text, write_json, write_netcdf, write_text, write_texts
 from eclsim.identification import SUMMARY, TRACK_SUMMARY
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
@@ -167,8 +167,8 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
     folder.mkdir(parents=True, exist_ok=True)
     netcdf, samples, summary = (folder / f for f in ("posterior.nc", "samples.csv", "posterior.json"))
-    with whole_file(netcdf) as partial:
-        result.draws.to_netcdf(partial, engine="h5netcdf")
+    groups = {node.path.strip("/"): node.to_dataset(inherit=False) for node in result.draws.subtree}
+    write_netcdf(groups, netcdf)
     write_samples(result.names, result.flat, samples, result.doubts)
     write_json(result.as_object(), summary)
     figures = {"pairs": plot_pairs(result), "predictive": plot_predictive(result)}
