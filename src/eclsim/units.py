@@ -184,6 +184,11 @@ def unit_in_words(unit: str) -> str:
     return "fractions of 1" if unit == "1" else unit
 
 
+def unit_after_number(unit: str) -> str:
+    """Return a unit as it is written after a number: nothing for that of a fraction."""
+    return "" if unit == "1" else unit
+
+
 def equation(value: float, unit: str, other_unit: str) -> str:
     """Return a value in two units of one quantity, as "800 dyn s/cm^5 = 0.6 mmHg s/mL"."""
     sides = (f"{value:g}", unit), (f"{convert(value, unit, other_unit):.4g}", other_unit)

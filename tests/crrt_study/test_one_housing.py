@@ -9,8 +9,9 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.crrt_study.files import DRAWINGS, study_json
+from eclsim.crrt_study.renox import compared_with_schemes
 from eclsim.crrt_study.report import study_page
-from eclsim.crrt_study.study import compared_with_schemes, crrt_study
+from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
 from eclsim.devices.renox import Renox
 from eclsim.paper.crrt import paper_case

@@ -4,8 +4,9 @@ import pytest
 
 from eclsim import simulate
 from eclsim.cases.reading import read_mapping
+from eclsim.crrt_study.renox import compared_with_schemes
 from eclsim.crrt_study.schemes import StudyError
-from eclsim.crrt_study.study import compared_with_schemes, crrt_study
+from eclsim.crrt_study.study import crrt_study
 
 CASE = {
     "format": 1, "blood_volume_policy": "as_published",

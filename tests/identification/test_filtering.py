@@ -12,7 +12,7 @@ from eclsim.identification.filtering import (
     sigma_points,
     updated,
 )
-from eclsim.identification.importance import Transport
+from eclsim.identification.transport import Transport
 
 SLOPE = np.array([[2.0, 0.5, 0.0], [0.0, -1.0, 1.5]])
 OFFSET = np.array([10.0, -3.0])

@@ -28,6 +28,7 @@ from eclsim.identification.profiles import with_profiles
 from eclsim.identification.report import fits_text
 from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
 from eclsim.identification.verdict import Aspect, Level, interval_agreement
+from eclsim.inputs.mistakes import InputError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.outputs.uncertainty import Uncertainty
@@ -249,9 +250,9 @@ def test_what_cannot_be_fitted_is_said_before_anything_is_computed(twin, changes
 
 def test_bounds_as_text():
     assert read_bounds("Rmc=0.1:2, Csart=0.5:5") == {"Rmc": (0.1, 2.0), "Csart": (0.5, 5.0)}
-    with pytest.raises(ValueError, match="NAME=LOWER:UPPER"):
+    with pytest.raises(InputError, match="NAME=LOWER:UPPER"):
         read_bounds("Rmc=0.1")
-    with pytest.raises(ValueError, match="Rmc is given twice"):
+    with pytest.raises(InputError, match="Rmc is given twice"):
         read_bounds("Rmc=0.1:1,Rmc=0.2:2")
 
 

@@ -9,8 +9,6 @@ from eclsim.identification import density
 from eclsim.identification.density import Gaussian, gaussian_approximation
 from eclsim.identification.importance import (
     FEWEST_EFFECTIVE,
-    Mixture,
-    Transport,
     WeightedDraws,
     importance_sample,
     pareto_fit,
@@ -18,6 +16,8 @@ from eclsim.identification.importance import (
     weighted_quantile,
 )
 from eclsim.identification.objective import Explored
+from eclsim.identification.proposals import Mixture
+from eclsim.identification.transport import Transport
 from known_posteriors import AnalyticGradient, CurvedPosterior, TwoSolutions
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from eclsim.identification import nuts
-from eclsim.identification.importance import Mixture, Transport
 from eclsim.identification.nuts import diagnose
+from eclsim.identification.proposals import Mixture
+from eclsim.identification.transport import Transport
 from known_posteriors import AnalyticGradient, HalfBlind, TwoArms
 
 pytest.importorskip("numpyro")

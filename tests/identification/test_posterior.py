@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.cases import read_case, write_case
 from eclsim.cases.case import Case, Measurements, Patient
@@ -15,6 +16,7 @@ from eclsim.cases.quantities import with_values
 from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.execution import using_threads
+from eclsim.files import NOTICE
 from eclsim.identification.density import Prior
 from eclsim.identification.draws import away_from_fit, doubts_of, piled_up, read_samples
 from eclsim.identification.figures import plot_pairs, plot_predictive
@@ -453,6 +455,20 @@ def test_samples_are_what_the_crrt_study_reads(result, folder):
     assert set(samples) == set(NAMES)
     assert len(samples["Rmc"]) == 1000
     assert np.median(samples["Rmc"]) == pytest.approx(np.median(result.flat[:, 0]), rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_netcdf_holds_the_draws_and_states_version_and_intended_use_in_every_group(result, folder):
+    """`intended_use`, which every NetCDF file has, was missing."""
+    with xr.open_datatree(folder / "posterior.nc", engine="h5netcdf") as written:
+        groups = {node.path: node.to_dataset(inherit=False).load() for node in written.subtree}
+    assert {*groups} == {node.path for node in result.draws.subtree}
+    for path, data in groups.items():
+        assert data.attrs == result.draws[path].attrs | {"intended_use": NOTICE}
+        xr.testing.assert_equal(data, result.draws[path].to_dataset(inherit=False))
+    columns = read_samples(folder / "posterior.nc")
+    count = result.flat.shape[0]
+    assert columns["Rmc"] == result.flat[:: -(-count // 1000), 0].tolist()
 
 
 @pytest.mark.slow

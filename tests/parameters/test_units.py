@@ -4,7 +4,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eclsim.units import _FACTORS, ML_S_PER_L_MIN, ML_S_PER_ML_MIN, convert, known_unit, quantity_of, units_of
+from eclsim.units import (
+    _FACTORS,
+    ML_S_PER_L_MIN,
+    ML_S_PER_ML_MIN,
+    convert,
+    known_unit,
+    quantity_of,
+    unit_after_number,
+    units_of,
+)
 
 QUANTITIES = (
     "flow",
@@ -105,3 +114,7 @@ def test_spellings():
     assert known_unit("I.U./hour") == "U/h"
     assert known_unit("mcg / kg / min") == known_unit("µg/kg/min") == "ug/kg/min"
     assert quantity_of("mmhg") == "pressure"
+
+
+def test_a_fraction_has_no_unit_after_its_number():
+    assert [unit_after_number(unit) for unit in ("1", "mmHg", "%", "")] == ["", "mmHg", "%", ""]

@@ -148,7 +148,7 @@ def test_the_page_asks_nothing_of_the_network_and_fits_on_a4(browser, fitted_poi
     drawings = tmp_path / "figures"
     drawings.mkdir()
     (drawings / "residuals.svg").write_text(SVG.format("drawn"), encoding="utf-8")
-    path = write_fit_page(tmp_path, content(fitted_point), paper_case(), drawings)
+    path = write_fit_page(tmp_path, content(fitted_point), drawings, paper_case())
     page = browser.new_page(viewport={"width": 680, "height": 1000})
     requests, said = [], []
     page.on("request", lambda request: requests.append(request.url))

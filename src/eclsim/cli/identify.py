@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import typer
 
@@ -25,7 +25,8 @@ from eclsim.cli.options import (
     option,
 )  # fmt: skip
 from eclsim.files import write_text
-from eclsim.inputs.mistakes import CaseError
+from eclsim.identification import SUMMARY
+from eclsim.inputs.mistakes import CaseError, InputError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -35,10 +36,10 @@ if TYPE_CHECKING:
     from eclsim.identification.settings import FitSettings
     from eclsim.inputs.mistakes import Mistake
 
+Value = TypeVar("Value")
 Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
 """Default numbers of chains, of discarded draws and of kept draws."""
-SUMMARY = "identification.json"
 ROWS_NAMED = 5
 """Number of table lines named in an error."""
 
@@ -153,27 +154,29 @@ def fit_settings(
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.outputs.uncertainty import DEFAULTS
     from eclsim.parameters.thiel2025 import BOUNDS
-    from eclsim.sensitivity.inputs import InputError, read_uncertainties
+    from eclsim.sensitivity.inputs import read_uncertainties
 
     wrong: list[str] = []
-    uncertainties, limits = {}, {}
-    try:
-        uncertainties = read_uncertainties(free.uncertainty or "")
-    except InputError as error:
-        wrong += error.mistakes
+    uncertainties = _read(read_uncertainties, free.uncertainty, wrong)
     allowed = ", ".join(DEFAULTS)
     wrong += [
         f"--uncertainty {n}: no measurement; allowed: {allowed}" for n in uncertainties if n not in DEFAULTS
     ]
-    try:
-        limits = read_bounds(free.bounds or "")
-    except ValueError as error:
-        wrong += str(error).splitlines()
+    limits = _read(read_bounds, free.bounds, wrong)
     names = tuple(BOUNDS) if free.parameters is None else _unique(free.parameters)
     if not names:
         wrong.append("--parameters: no names")
     refuse(wrong)
     return FitSettings(names, limits, weights, uncertainties, MultiStart(seed=seed), policy)
+
+
+def _read(read: Callable[[str], dict[str, Value]], text: str | None, wrong: list[str]) -> dict[str, Value]:
+    """Return the values of an option by name; its errors are added to a list."""
+    try:
+        return read(text or "")
+    except InputError as error:
+        wrong += error.mistakes
+        return {}
 
 
 def source_of_mistake(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:
@@ -252,7 +255,7 @@ def _write_fit(
         path = write_fitted_case(folder / "cases", fit)
         if not posterior:
             say(f"fitted case: {path}")
-    return content, write_fit_page(folder, content, fit.case, folder / "figures")
+    return content, write_fit_page(folder, content, folder / "figures", fit.case)
 
 
 def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
@@ -401,7 +404,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     content = fits_object(results, settings.as_object(), reading)
     write_fits(folder, content, reading.refusals)
     write_cohort_figures(folder / "figures", content)
-    say(f"report: {write_fit_page(folder, content, drawings=folder / 'figures')}")
+    say(f"report: {write_fit_page(folder, content, folder / 'figures')}")
     changed = digest_of(o.file) != reading.digest
     if changed:
         say(f"error: {o.file}: changed or deleted during the fit; the results are those of the original file")

@@ -15,6 +15,7 @@ from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, r
 from eclsim.cli.destination import Destinations, explaining_resume, write_json_output
 from eclsim.cli.identify import Prior, fit_settings, free_parameters_text, source_of_mistake
 from eclsim.cli.options import Distributed, FreeParameters, VolumePolicy, argument, option
+from eclsim.identification import TRACK_SUMMARY
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -65,8 +66,6 @@ def track(options: TrackOptions) -> None:
     table is stored when done. Exit status: 0 all points followed, 1 some could not be followed or the first
     estimate fits poorly, 2 bad input.
     """
-    from eclsim.identification.files import TRACK_SUMMARY
-
     table = any(map(is_table, options.files))
     resume = options.continues if table else None
     places = Destinations(force=options.force, resume=resume, inputs=options.files)

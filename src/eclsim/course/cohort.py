@@ -26,6 +26,7 @@ from eclsim.execution import (
     announce,
     as_executor,
     as_folder,
+    complete_in,
     digest_of_text,
     json_format,
 )
@@ -188,7 +189,7 @@ def _complete(
         "courses", unit, compute, groups, {**inputs, "course": vars(compute), **digests_of_own_files()},
         side_by_side=len(groups) > 1,
     )  # fmt: skip
-    results = (executor or Executor()).complete(tasks, folder, _FORMAT, progress)
+    results = complete_in(folder, "", tasks, _FORMAT, executor, progress)
     return [xr.Dataset.from_dict(course) for group in results for course in group]
 
 

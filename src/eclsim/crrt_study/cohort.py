@@ -16,7 +16,7 @@ from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices.description import LABELS
-from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.execution import Executor, Progress, Tasks, announce, complete_in, json_format
 from eclsim.simulation.target_flow import FlowNotReachedError
 
 if TYPE_CHECKING:
@@ -225,8 +225,7 @@ def crrt_cohort(
     tasks = Tasks("schemes", "groups of data points", compute, groups, inputs)
     # Studies with different options have separate folders, so the fits can be reused.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
-    place = None if folder is None else folder / f"studies-{mark}"
-    groups_done = (executor or Executor()).complete(tasks, place, _FORMAT, progress)
+    groups_done = complete_in(folder, f"studies-{mark}", tasks, _FORMAT, executor, progress)
     outcomes = [outcome for group in groups_done for outcome in group]
     by_name = {outcome.name: outcome for outcome in outcomes}
     failures = {**fitted.not_fitted, **{outcome.name: outcome.lost for outcome in outcomes if outcome.lost}}
@@ -247,39 +246,59 @@ def _point(name: str, study: CrrtStudy) -> PointResult:
     taken_up = np.nan if study.uptake is None else float(study.uptake["blood_taken_up"].max(skipna=False))
     variation = {p: float(spread.sel(policy=p)) for p in study.policies}
     missing = study.unsettled
+    collapse = f"{LABELS['collapse']}: "
     return PointResult(
-        name, float(without_crrt["PF"]), float(without_crrt["MAP"]), speed, study.ranking, variation,
-        taken_up, tuple(f"{beat.policy}, {beat.sentence}" for beat in missing),
-        sum(len(beat.speeds) for beat in missing),
-        tuple(sentence for sentence in study.warnings if sentence.startswith(f"{LABELS['collapse']}: ")),
-    )  # fmt: skip
+        name=name,
+        flow=float(without_crrt["PF"]),
+        pressure=float(without_crrt["MAP"]),
+        speed=speed,
+        ranking=study.ranking,
+        variation=variation,
+        taken_up=taken_up,
+        unsettled=tuple(f"{beat.policy}, {beat.sentence}" for beat in missing),
+        beats_not_found=sum(len(beat.speeds) for beat in missing),
+        impossible=tuple(sentence for sentence in study.warnings if sentence.startswith(collapse)),
+    )
 
 
 def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
     """Summaries of the schemes, those most often best first, then by median rank."""
     winners = study.winners(policy)
-    result = []
-    for scheme in study.schemes:
-        rankings = [point.ranked(policy, scheme.letter) for point in study.counted]
-        ranks, known = [r.rank for r in rankings if r.rank is not None], [r for r in rankings if r.known]
-        of_flow = [r for r in rankings if r.flow_known]
-        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in of_flow]
-        most = [np.inf if r.throughout else flow for r, flow in zip(of_flow, flows, strict=True)]
-        result.append(
-            SchemeSummary(
-                scheme.letter, winners[scheme.letter], len(ranks), _median(ranks), max(ranks, default=None),
-                len(known), sum(bool(r.alarms_kept) for r in known),
-                sum(bool(r.access_190_kept) for r in known),
-                sum(r.lowest_site_pressure >= 0.0 for r in known), len(flows),
-                min(flows, default=np.nan), _median(flows),
-                bool(min(most, default=0.0) == np.inf), _median(most) == np.inf,
-            )
-        )  # fmt: skip
+    result = [
+        _summary(
+            scheme.letter, winners[scheme.letter], [p.ranked(policy, scheme.letter) for p in study.counted]
+        )
+        for scheme in study.schemes
+    ]
 
     def order(one: SchemeSummary) -> tuple[float, ...]:
         return -one.first, np.nan_to_num(one.median_rank, nan=np.inf), one.worst_rank or np.inf
 
     return tuple(sorted(result, key=order))
+
+
+def _summary(letter: str, first: int, rankings: Sequence[Ranked]) -> SchemeSummary:
+    """Summary of a scheme that is first in so many data points, from its ranks in all that count."""
+    ranks, known = [r.rank for r in rankings if r.rank is not None], [r for r in rankings if r.known]
+    of_flow = [r for r in rankings if r.flow_known]
+    flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in of_flow]
+    most = [np.inf if r.throughout else flow for r, flow in zip(of_flow, flows, strict=True)]
+    return SchemeSummary(
+        letter=letter,
+        first=first,
+        ranked=len(ranks),
+        median_rank=_median(ranks),
+        worst_rank=max(ranks, default=None),
+        known=len(known),
+        alarms_kept=sum(bool(r.alarms_kept) for r in known),
+        access_190_kept=sum(bool(r.access_190_kept) for r in known),
+        above_atmosphere=sum(r.lowest_site_pressure >= 0.0 for r in known),
+        flow_known=len(flows),
+        smallest_flow=min(flows, default=np.nan),
+        median_flow=_median(flows),
+        smallest_flow_may_be_larger=bool(min(most, default=0.0) == np.inf),
+        median_flow_may_be_larger=_median(most) == np.inf,
+    )
 
 
 def _median(values: Sequence[float]) -> float:

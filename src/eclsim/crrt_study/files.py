@@ -15,8 +15,9 @@ from eclsim.cases.fit_mark import with_doubts
 from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.ranking import choice_text, first_choice
+from eclsim.crrt_study.renox import compared_with_schemes
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS, drawings, study_page
-from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
+from eclsim.crrt_study.study import CrrtStudy
 from eclsim.files import MADE_BY, Json, finite, frame_text, json_text, write_texts
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
 

@@ -12,7 +12,8 @@ from eclsim.cases.fit_mark import untrusted
 from eclsim.crrt_study.beats import missing_beats_text
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, limit_flow_text
 from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
-from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
+from eclsim.crrt_study.renox import compared_with_schemes
+from eclsim.crrt_study.study import CrrtStudy
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.patient.sites import AFTER_LUNGS

@@ -1,10 +1,7 @@
 """The combined ECMO and CRRT study: all ways to connect the CRRT, over the range of pump speeds.
 
 It applies section 3.3 of Thiel et al. 2025 to any patient on ECMO with a rotary pump, under either blood
-volume policy, and compares RenOx, oxygenator and dialyzer in one housing, on the same beats. RenOx has no
-lines, so blood flows as without CRRT, and only the exchange across the membrane is added to the beats of the
-patient on ECMO alone. Its fluids are those of the case's section [renox]; without it, all dialysate and
-replacement fluid of the case's CRRT is used as dialysate.
+volume policy, and compares RenOx, oxygenator and dialyzer in one housing, on the same beats.
 """
 
 from __future__ import annotations
@@ -18,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from eclsim.cases.resolve import resolve_parameters
-from eclsim.components.dialysis import PLASMA_WATER
+from eclsim.cases.quantities import as_samples, check_samples
 from eclsim.crrt_study import beats as crrt_datasets
-from eclsim.crrt_study.beats import SPEED, split_differences, study_circuits, summarise, unsettled
+from eclsim.crrt_study.beats import split_differences, study_circuits, summarise, unsettled
 from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
 from eclsim.crrt_study.ranking import rank
+from eclsim.crrt_study.renox import in_one_housing, without_renox
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
     AS_PUBLISHED,
@@ -41,24 +38,20 @@ from eclsim.crrt_study.schemes import (
     policies_of,
     select_schemes,
 )
-from eclsim.devices.crrt import CRRT, Crrt
-from eclsim.devices.dialysed_blood import FILTER_PARAMETERS, FLUIDS, HAEMATOCRIT_IN
-from eclsim.devices.renox import GROUP, Renox
 from eclsim.files import ORIGIN
-from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, circuit_of, values_of
-from eclsim.orbit.steady import Batch
+from eclsim.orbit.model import CASE, CaseSource, as_case, case_json
 from eclsim.outputs.alarms import assumptions
-from eclsim.outputs.results import output_labels
-from eclsim.outputs.signals import output_names, parameters_read
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.signals import parameters_read
+from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from eclsim.cases.case import Case
-    from eclsim.crrt_study.beats import MissingBeats
+    from eclsim.crrt_study.beats import MissingBeats, StudyCircuits
     from eclsim.crrt_study.ranking import Ranked
     from eclsim.files import Json
+    from eclsim.outputs.steady_beat import SteadyBeat
 
 
 @dataclass(frozen=True)
@@ -204,11 +197,91 @@ def crrt_study(
         SchemeError: A scheme cannot be read.
         SpeedError: A speed cannot be read or is not above 0.
     """
-    from eclsim.cases.quantities import as_samples, check_samples
-    from eclsim.simulation.target_flow import with_speed
+    inputs = _checked_inputs(
+        as_case(case),
+        select_schemes(schemes, scheme_h),
+        volume_policy=volume_policy,
+        rule=rule,
+        speeds=speeds,
+        crrt_flow_ml_min=crrt_flow_ml_min,
+        samples=samples,
+    )
+    runs, without_crrt = _runs(inputs, progress)
+    uptake = _uptake(inputs, runs, progress)
+    doubt = None
+    if samples:
+        progress("samples of the patient's parameters")
+        own = inputs.own_speed
+        doubt = uncertainty(inputs.circuits, own, inputs.policies[0], samples, inputs.rule.limits)
+    progress("limits and ranking")
+    means = crrt_datasets.means(inputs.circuits, runs, without_crrt, inputs.policies, inputs.speeds)
+    limits = largest_flows(means, inputs.own_speed, inputs.rule.limits)
+    renox = in_one_housing(inputs.case, inputs.policies, inputs.speeds)
+    assumed = _assumed(inputs.circuits, means, renox)
+    about = beat_warnings(inputs.circuits, runs[0], inputs.at_own_speed.tolist(), without_crrt[0], assumed)
+    return CrrtStudy(
+        case=inputs.case,
+        schemes=inputs.schemes,
+        case_speed=inputs.own_speed,
+        crrt_flow_ml_min=inputs.crrt_flow_ml_min,
+        means=means,
+        without_crrt=crrt_datasets.without(without_crrt, inputs.policies, inputs.speeds),
+        waveforms=crrt_datasets.waveforms(inputs.circuits, runs, inputs.policies),
+        summary=summarise(means),
+        limits=limits,
+        uptake=uptake,
+        ranking=_ranking(inputs, means, limits),
+        uncertainty=doubt,
+        rule=inputs.rule,
+        renox=renox,
+        assumed=assumed,
+        warnings=(*inputs.case.doubts, *about),
+    )
 
-    case = as_case(case)
-    chosen = in_patient(case, select_schemes(schemes, scheme_h))
+
+@dataclass(frozen=True)
+class _Inputs:
+    """Checked inputs of a study.
+
+    Args:
+        case: case with a pump speed.
+        schemes: schemes that are compared.
+        policies: blood volume policies.
+        rule: rule by which schemes are ranked.
+        own_speed: pump speed of the case [rpm].
+        speeds: all pump speeds in ascending order, among them that of the case, shape (speeds,) [rpm].
+        crrt_flow_ml_min: blood flow of the CRRT [mL/min].
+        circuits: circuits with and without CRRT.
+    """
+
+    case: Case
+    schemes: tuple[Scheme, ...]
+    policies: tuple[str, ...]
+    rule: Rule
+    own_speed: float
+    speeds: np.ndarray
+    crrt_flow_ml_min: float
+    circuits: StudyCircuits
+
+    @property
+    def at_own_speed(self) -> np.ndarray:
+        """Indices of the members of a run at the case's speed, one per scheme."""
+        own = int(np.flatnonzero(self.speeds == self.own_speed)[0])
+        return np.arange(len(self.schemes)) * len(self.speeds) + own
+
+
+def _checked_inputs(
+    case: Case,
+    schemes: Sequence[Scheme],
+    *,
+    volume_policy: str | None,
+    rule: str | Path | Mapping[str, object] | Rule | None,
+    speeds: str | Sequence[float] | None,
+    crrt_flow_ml_min: float | None,
+    samples: Mapping[str, Sequence[float]] | None,
+) -> _Inputs:
+    """Check the arguments of `crrt_study`, which has the same errors, and return the inputs."""
+    chosen = in_patient(case, schemes)
     policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
@@ -221,41 +294,7 @@ def crrt_study(
     check_quantities(judged_by, crrt_datasets.quantities(circuits))
     if samples is not None:
         check_samples(as_samples(samples), (*parameters_read(circuits.circuit), "total_blood_volume_ml"))
-    at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own_speed)[0])
-    runs, without_crrt = [], []
-    for k, policy in enumerate(policies):
-        of = f"policy {k + 1} of {len(policies)} ({policy})"
-        progress(f"{of}: {len(chosen)} schemes at {len(rpm)} speeds")
-        runs.append(circuits.run(rpm, policy, keep=at.tolist()))
-        without_crrt.append(circuits.run_without(rpm, policy))
-    uptake = None
-    if AS_PUBLISHED in policies:
-        progress("effects of the schemes split into blood volume and flow")
-        first = policies.index(AS_PUBLISHED)
-        uptake = split_differences(
-            circuits, runs[first], circuits.run_without(np.array([own_speed]), AS_PUBLISHED), at, own_speed
-        )
-    doubt = None
-    if samples:
-        progress("samples of the patient's parameters")
-        doubt = uncertainty(circuits, own_speed, policies[0], samples, judged_by.limits)
-    progress("limits and ranking")
-    means = crrt_datasets.means(circuits, runs, without_crrt, policies, rpm)
-    limits = largest_flows(means, own_speed, judged_by.limits)
-    ranking = {
-        policy: rank(means.sel(policy=policy, speed=own_speed), limits.sel(policy=policy), chosen, judged_by)
-        for policy in policies
-    }
-    renox = in_one_housing(case, policies, rpm)
-    names = [str(name) for name in means]
-    sentences = [assumption.sentence for assumption in assumptions(names, circuits.circuit, circuits.values)]
-    sentences += [] if renox is None else renox.attrs["assumed"]
-    return CrrtStudy(
-        case, chosen, own_speed, flow, means, crrt_datasets.without(without_crrt, policies, rpm),
-        crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
-        judged_by, renox, tuple(sentences),
-        (*case.doubts, *beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences)),
-    )  # fmt: skip
+    return _Inputs(case, chosen, policies, judged_by, own_speed, rpm, flow, circuits)
 
 
 def _speeds(given: str | ArrayLike) -> tuple[float, ...]:
@@ -272,104 +311,43 @@ def _speeds(given: str | ArrayLike) -> tuple[float, ...]:
     return parse_speeds(",".join(map(str, np.ravel(given).tolist())))
 
 
-# --- RenOx: oxygenator and dialyzer in one housing --------------------------------------------------
+def _runs(inputs: _Inputs, progress: Callable[[object], None]) -> tuple[list[SteadyBeat], list[SteadyBeat]]:
+    """Return the beats of all schemes, and those without CRRT, at all speeds, one entry per policy."""
+    runs, without_crrt, policies = [], [], inputs.policies
+    for k, policy in enumerate(policies):
+        of = f"policy {k + 1} of {len(policies)} ({policy})"
+        progress(f"{of}: {len(inputs.schemes)} schemes at {len(inputs.speeds)} speeds")
+        runs.append(inputs.circuits.run(inputs.speeds, policy, keep=inputs.at_own_speed.tolist()))
+        without_crrt.append(inputs.circuits.run_without(inputs.speeds, policy))
+    return runs, without_crrt
 
 
-PERMEABILITY = FILTER_PARAMETERS[0].key
-GASES = ("SreturnO2", "PreturnCO2", "SaO2", "PaCO2")
-COLUMNS = {
-    "access_mmhg": "Pcrrttuin", "return_mmhg": "Pcrrttuout", "urea_ml_min": "effective_clearance_urea",
-    "filtration_fraction": "filtration_fraction", "effluent_pressure_mmhg": "effluent_pressure",
-    "SreturnO2": "SreturnO2", "SaO2": "SaO2", "PaCO2": "PaCO2",
-}  # fmt: skip
-"""Quantities of a scheme that are compared with RenOx, by their keys in JSON."""
-
-
-def without_renox(case: Case) -> Case:
-    """Return the case without RenOx; without a CRRT, it gets one with the fluids of its RenOx."""
-    crrt, renox = case.crrt, case.renox
-    if crrt is None and renox is not None:
-        crrt = Crrt(**CRRT.usual, **renox.model_dump())
-    return case.model_copy(update={"renox": None, "crrt": crrt})
-
-
-def section_of(case: Case) -> Renox | None:
-    """Return the fluids of RenOx; None if the case has neither its section nor a CRRT with dialysis."""
-    if case.renox is not None:
-        return case.renox
-    if case.crrt is None or not case.crrt.dialyses:
+def _uptake(
+    inputs: _Inputs, runs: Sequence[SteadyBeat], progress: Callable[[object], None]
+) -> xr.Dataset | None:
+    """Return the effects of the schemes split into uptake and flow; None without the published policy."""
+    if AS_PUBLISHED not in inputs.policies:
         return None
-    fluids = (case.crrt.dialysate_ml_h, case.crrt.replacement_pre_ml_h, case.crrt.replacement_post_ml_h)
-    shared = ("haematocrit_in", "fluid_bicarbonate_mmol_l", "plasma_bicarbonate_mmol_l")
-    return Renox.model_construct(
-        dialysate_ml_h=sum(flow or 0.0 for flow in fluids),
-        net_ultrafiltration_ml_h=case.crrt.net_ultrafiltration_ml_h or 0.0,
-        **{key: getattr(case.crrt, key) for key in shared},
-    )
+    progress("effects of the schemes split into blood volume and flow")
+    circuits, own = inputs.circuits, inputs.own_speed
+    published = runs[inputs.policies.index(AS_PUBLISHED)]
+    without = circuits.run_without(np.array([own]), AS_PUBLISHED)
+    return split_differences(circuits, published, without, inputs.at_own_speed, own)
 
 
-def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset | None:
-    """Outputs of RenOx and the patient's gases over `policy` and `speed`; None without fluids of RenOx."""
-    section = section_of(case)
-    if section is None:
-        return None
-    case = case.model_copy(update={"crrt": None, "renox": section})
-    circuit, values = circuit_of(case), values_of(case)
-    known = output_names(circuit)
-    names = [n for n in known if n.startswith(f"{GROUP}_")] + [n for n in ("PF", *GASES) if n in known]
-    beats = []
-    for policy in policies:
-        batch = Batch(circuit, values | {SPEED: speeds}, len(speeds), policy)
-        beats.append(steady_beat(batch, names, start=values).determined_only())
-    dims = ("policy", "speed")
-    data = {name: (dims, np.stack([b.output(name) for b in beats]), output_labels(name)) for name in names}
-    attributes = {key: value for key, value in section.model_dump().items() if value is not None}
-    attributes["assumed"] = [
-        f"RenOx: {assumption.sentence}" for assumption in assumptions(names, circuit, values)
-    ]
-    return xr.Dataset(data, {"policy": list(policies), "speed": speeds}, attributes)
-
-
-def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, float | bool | None]]:
-    """RenOx and every scheme at the case's speed, in the order of the ranking; empty without RenOx.
-
-    RenOx has no lines, hence no line pressures and alarms; without a beat all its numbers are unknown.
-    `open_effluent_l_h` is the filtration by blood pressure through a membrane whose effluent side is open to
-    the atmosphere, at most all water of the plasma that reaches it.
-    """
-    if study.renox is None:
-        return {}
-    renox = study.renox.sel(policy=policy, speed=study.case_speed)
-    has_beat = bool(np.isfinite(float(renox["PF"])))
-    result: dict[str, Mapping[str, float | bool | None]] = {
-        "RenOx": {
-            "access_mmhg": None, "return_mmhg": None, "alarms_kept": True if has_beat else None,
-            "blood_taken_up_ml": 0.0 if has_beat else None,
-            "urea_ml_min": float(renox["renox_clearance_urea"]),
-            "filtration_fraction": float(renox["renox_filtration_fraction"]),
-            "effluent_pressure_mmhg": float(renox["renox_effluent_pressure"]),
-            "open_effluent_l_h": 1e-3 * float(renox["renox_free_ultrafiltration_ml_h"]),
-            **{name: float(renox[name]) for name in GASES if name in renox and name in COLUMNS},
-        }
+def _ranking(inputs: _Inputs, means: xr.Dataset, limits: xr.Dataset) -> dict[str, tuple[Ranked, ...]]:
+    """Return the schemes from best to worst at the case's speed, by policy."""
+    return {
+        policy: rank(
+            means.sel(policy=policy, speed=inputs.own_speed), limits.sel(policy=policy), inputs.schemes,
+            inputs.rule,
+        )
+        for policy in inputs.policies
     }  # fmt: skip
-    means = study.means.sel(policy=policy, speed=study.case_speed)
-    for ranked in study.ranking[policy]:
-        scheme = means.sel(scheme=ranked.letter)
-        numbers: dict[str, float | bool | None] = {
-            key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme
-        }
-        numbers["alarms_kept"] = ranked.alarms_kept
-        numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
-        if "effluent_pressure" in scheme:
-            blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])
-            numbers["open_effluent_l_h"] = 1e-3 * _open_effluent_ml_h(study, blood)
-        result[ranked.letter] = numbers
-    return result
 
 
-def _open_effluent_ml_h(study: CrrtStudy, pressure: float) -> float:
-    """Filtration of the CRRT's filter [mL/h] at a blood pressure [mmHg] if nothing holds its effluent."""
-    values = resolve_parameters(without_renox(study.case))
-    plasma = 60.0 * study.crrt_flow_ml_min * (1.0 - values[HAEMATOCRIT_IN])
-    water = PLASMA_WATER * plasma + values[f"{CRRT.key}.{FLUIDS[1]}"]
-    return min(values[PERMEABILITY] * pressure, water)
+def _assumed(circuits: StudyCircuits, means: xr.Dataset, renox: xr.Dataset | None) -> tuple[str, ...]:
+    """Return the sentences on values without a source that the numbers of the study depend on."""
+    names = [str(name) for name in means]
+    sentences = [assumption.sentence for assumption in assumptions(names, circuits.circuit, circuits.values)]
+    return (*sentences, *([] if renox is None else renox.attrs["assumed"]))

@@ -236,6 +236,28 @@ class Executor:
             store.load(number)
 
 
+def complete_in(
+    folder: Path | None,
+    subfolder: str,
+    tasks: Tasks[Argument, Result],
+    format: Format[Result],
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """Run the tasks of a study and return all results, in order; errors as of `Executor.complete`.
+
+    Args:
+        folder: folder of the study; None keeps the results in memory only.
+        subfolder: folder in it that stores the results.
+        tasks: the tasks.
+        format: file format of the results.
+        executor: runs the tasks; None runs them in this process.
+        progress: called whenever a task is done.
+    """
+    place = None if folder is None else folder / subfolder
+    return (executor or Executor()).complete(tasks, place, format, progress)
+
+
 def as_executor(given: Executor | None) -> Executor | None:
     """Check an executor given by the user; None stands for this process.
 

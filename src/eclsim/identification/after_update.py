@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from eclsim.identification.filtering import GaussianMixture
-from eclsim.identification.importance import Transport
 from eclsim.identification.points import Interval
 from eclsim.identification.quantities import unit_of
+from eclsim.identification.transport import Transport
 from eclsim.outputs.uncertainty import Uncertainty, measurement_errors
 from eclsim.reporting.numbers import significant
 

@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
 from eclsim.cases.reading import case_text
 from eclsim.devices.registry import digests_of_own_files
-from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.execution import Executor, Progress, Tasks, announce, complete_in, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import FitResult, failed_fit, fit_cases
 from eclsim.identification.multi_start import FitStatus
@@ -21,7 +21,7 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.solutions import with_solutions_sought
 from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
-from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.model import CaseSource, as_case, circuit_of
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -113,8 +113,8 @@ def fit_cohort(
         ShardDone: This run computed one shard only.
     """
     tasks = fit_tasks(points, settings, digest)
-    place = None if folder is None else folder / GROUPS
-    fits = [fit for group in executor.complete(tasks, place, _FORMAT, progress) for fit in group]
+    groups = complete_in(folder, GROUPS, tasks, _FORMAT, executor, progress)
+    fits = [fit for group in groups for fit in group]
     if folder is not None:
         _write_cases(folder / CASES, fits)
     by_name = {fit.numbers["id"]: fit.numbers for fit in fits}
@@ -151,8 +151,6 @@ def fitted_text(fit: FitResult) -> str:
 
 def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
     """Group points of the same circuit, a few at a time; with `by_patient`, all points of one patient."""
-    from eclsim.orbit.model import circuit_of
-
     by_circuit: dict[tuple[Circuit, str], list[CohortPoint]] = {}
     for point in points:
         key = (circuit_of(point.case), point.patient_id if by_patient else "")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim._version import __version__
 from eclsim.cases.cohort import read_table
@@ -23,8 +24,6 @@ from eclsim.orbit.model import AS_PUBLISHED
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
     from eclsim.identification.density import Gaussian, Prior
     from eclsim.identification.posterior import PosteriorResult
@@ -40,8 +39,6 @@ ARVIZ_NAMES = {
 
 def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
     """Draws, statistics of the sampler, predictions and measurements of a posterior, a group each."""
-    import xarray as xr
-
     density, first = result.density, result.predictions[0]
     chains, draws, _ = result.samples.shape
     of_chains = {"chain": np.arange(chains), "draw": np.arange(draws)}
@@ -278,8 +275,6 @@ def _about(path: Path) -> dict[str, Any]:
         "id": "", "blood_volume_policy": "", "set_points": {}, "doubts": (), "trusted": True,
     }  # fmt: skip
     if path.suffix == ".nc":
-        import xarray as xr
-
         with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
             attributes = draws.attrs
         points = json.loads(attributes.get("set_points", "{}"))
@@ -312,8 +307,6 @@ def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
 
 def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
     """Return names and draws of the group `posterior` of a NetCDF file, and mistakes."""
-    import xarray as xr
-
     if not Path(path).exists():
         raise SamplesError(f"{path}: no such file")
     try:

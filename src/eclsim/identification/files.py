@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import DOUBTS
-from eclsim.files import csv_text, whole_file, write_json, write_text, write_texts
+from eclsim.files import csv_text, write_json, write_netcdf, write_text, write_texts
+from eclsim.identification import SUMMARY, TRACK_SUMMARY
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
+from eclsim.identification.profiles import slices
 from eclsim.identification.quantities import unit_of, unit_of_parameter
 from eclsim.identification.report import REPORT, differences_of, wider_interval
 from eclsim.identification.track_report import doubts_of_first, doubts_of_point, track_page
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import FitProfiles
 
-SUMMARY = "identification.json"
-TRACK_SUMMARY = "track.json"
 REFUSED = "refused"
 """Verdict in the table of verdicts on a row that could not be used."""
 _QUANTILES = ("median", "lower", "upper")
@@ -113,7 +113,6 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
     The patient's id, and the verdict unless it is good, stand above each figure.
     """
     from eclsim.identification import figures as plots
-    from eclsim.identification.profiles import slices
     from eclsim.reporting.style import plain_text, save_figures, write_above
 
     if not len(fit.optimum.starts.agreeing):
@@ -168,8 +167,8 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
     folder.mkdir(parents=True, exist_ok=True)
     netcdf, samples, summary = (folder / f for f in ("posterior.nc", "samples.csv", "posterior.json"))
-    with whole_file(netcdf) as partial:
-        result.draws.to_netcdf(partial, engine="h5netcdf")
+    groups = {node.path.strip("/"): node.to_dataset(inherit=False) for node in result.draws.subtree}
+    write_netcdf(groups, netcdf)
     write_samples(result.names, result.flat, samples, result.doubts)
     write_json(result.as_object(), summary)
     figures = {"pairs": plot_pairs(result), "predictive": plot_predictive(result)}

@@ -31,7 +31,7 @@ from scipy.stats import chi2
 
 from eclsim.arguments import FiniteNumber
 from eclsim.identification.density import NoSteadyBeatError
-from eclsim.identification.importance import Transport
+from eclsim.identification.transport import Transport
 
 Simulate = Callable[[np.ndarray], np.ndarray]
 """Outputs (members, outputs) of latent variables (members, parameters); NaN without a steady beat."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
@@ -80,14 +81,15 @@ from eclsim.identification.verdict import (
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, model_of
+from eclsim.outputs.alarms import findings
+from eclsim.outputs.contraction import softening
+from eclsim.outputs.results import simulate
 from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.parameters.thiel2025 import stiff_atria
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
 
 _ENDS = {"lower": "low", "upper": "high"}
@@ -162,7 +164,7 @@ class FitResult:
             for r in verdict.doubts
             if r.aspect is Aspect.INTERVALS
         }
-        parameters = self._undetermined(disagreeing)
+        parameters = self.with_undetermined(disagreeing)
         if verdict.level is Level.POOR:
             nothing = {"identifiable": False, "reason": NOT_FROM_A_POOR_FIT}
             parameters = {name: replace(p, **nothing) for name, p in parameters.items()}
@@ -175,8 +177,8 @@ class FitResult:
         own = {name: ends for name, ends in reaches.items() if name in self.intervals}
         return widened(self.intervals, own, self.simulated, self.measured, self.settings.uncertainties)
 
-    def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
-        """Return the parameters; those with a reason are marked as not determined."""
+    def with_undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
+        """Return the parameters; those with a reason, by name, are marked as not determined."""
         return {
             name: replace(p, identifiable=False, reason=reasons[name])
             if p.identifiable and name in reasons
@@ -191,8 +193,6 @@ class FitResult:
         The attribute `case` is the fitted case as JSON text, for `Case.model_validate_json`; `reasons` are
         those of the verdict, each after its level.
         """
-        import xarray as xr
-
         names, outputs = list(self.parameters), list(self.simulated or self.measured)
         columns = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
         data: dict[
@@ -369,10 +369,20 @@ def _result(
     if not optimum.exists:
         nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
         return FitResult(
-            name, case, target.measured, {}, dict.fromkeys(box.names, nothing),
-            np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number, known,
-            settings, FitVerdict(None, tuple(search(optimum.status))),
-        )  # fmt: skip
+            name=name,
+            case=case,
+            measured=target.measured,
+            simulated={},
+            parameters=dict.fromkeys(box.names, nothing),
+            correlation=np.full((len(box.names),) * 2, np.nan),
+            objective=objective,
+            box=box,
+            optimum=optimum,
+            number=number,
+            uncertainties=known,
+            settings=settings,
+            verdict=FitVerdict(None, tuple(search(optimum.status))),
+        )
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
@@ -405,20 +415,27 @@ def _result(
         *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
     ]  # fmt: skip
     return FitResult(
-        name, changed, target.measured, simulated, parameters, correlation(spread),
-        objective, box, optimum, number, known, settings, FitVerdict(goodness, ()).with_reasons(reasons),
-        output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
-    )  # fmt: skip
+        name=name,
+        case=changed,
+        measured=target.measured,
+        simulated=simulated,
+        parameters=parameters,
+        correlation=correlation(spread),
+        objective=objective,
+        box=box,
+        optimum=optimum,
+        number=number,
+        uncertainties=known,
+        settings=settings,
+        verdict=FitVerdict(goodness, ()).with_reasons(reasons),
+        intervals=output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
+    )
 
 
 def checked_by_simulation(result: FitResult) -> FitResult:
     """Simulate the fitted patient and return the fit with doubts, such as outputs outside adult ranges."""
     if not result.simulated:
         return result
-    from eclsim.outputs.alarms import findings
-    from eclsim.outputs.contraction import softening
-    from eclsim.outputs.results import simulate
-
     model = model_of(result.case)
     beat = simulate(model, result.objective.policy)
     if not beat.attrs["converged"]:
@@ -486,7 +503,7 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
 def _widened(result: FitResult, found: Compensation) -> tuple[FitResult, list[Reason]]:
     """Return the fit with wider intervals of parameters, marked as not determined, and the reason."""
     result = replace(result, parameters=with_wider_intervals(result.parameters, found.intervals))
-    parameters = result._undetermined(dict.fromkeys(found.intervals, found.why))
+    parameters = result.with_undetermined(dict.fromkeys(found.intervals, found.why))
     reason = Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)
     intervals = result.wider_intervals({n: (reach.low, reach.high) for n, reach in found.outputs.items()})
     named = tuple(found.outputs) or result.named_as_undetermined
@@ -529,7 +546,7 @@ def _without_compensating_parameters(
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
         reaches, of_outputs = _reaches(result, held_fit)
-        parameters = with_wider_intervals(result._undetermined(reasons), reaches)
+        parameters = with_wider_intervals(result.with_undetermined(reasons), reaches)
         judged.append(replace(result, parameters=parameters, intervals=result.wider_intervals(of_outputs)))
     return judged
 

@@ -19,17 +19,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtri
 from scipy.stats import rankdata
 
 from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.identification.density import GradientEvaluator, PosteriorDensity
-from eclsim.identification.importance import Jumps, Mixture
+from eclsim.identification.importance import FEWEST_EFFECTIVE
+from eclsim.identification.proposals import Jumps, Mixture
 from eclsim.orbit.execution import in_threads
 
 if TYPE_CHECKING:
-    import jax
     from numpyro.infer.hmc import HMCState
 
     HostPotential = Callable[[jax.Array, jax.Array], tuple[np.ndarray, np.ndarray]]
@@ -169,8 +171,6 @@ class _Sampler:
 
     def _compile(self) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
         """Return NumPyro's functions that begin and advance a chain, and the potential with its gradient."""
-        import jax
-
         hmc = numpyro_hmc()
         init, advance = hmc(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
         energy = jax.value_and_grad(lambda u, chain: self._transported(chain, u))
@@ -178,8 +178,6 @@ class _Sampler:
 
     def _transported(self, chain: jax.Array, u: jax.Array) -> jax.Array:
         """Potential in the sampler's coordinates, which JAX can differentiate."""
-        import jax.numpy as jnp
-
         z, log_slope = self.transport.z_of(u, jnp)
         return _host_potential(self.potential, chain, z) - log_slope
 
@@ -194,8 +192,6 @@ class _Sampler:
         return np.zeros(size)
 
     def _chain(self, chain: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        import jax
-
         settings = self.settings
         with self.lock:
             state = self.init(
@@ -229,8 +225,6 @@ class _Sampler:
 
     def _jumped(self, state: HMCState, chain: int, draw: int) -> HMCState:
         """Return the sampler's state after a proposed jump, accepted or not."""
-        import jax
-
         z, log_slope = self.transport.z_of(np.asarray(state.z))
         ratio = self.jumps.log_ratio(z, float(state.potential_energy + log_slope))
         u, log_slope = self.transport.u_of(self.jumps.z[chain, draw])
@@ -242,9 +236,6 @@ class _Sampler:
 
 def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.Array:
     """Potential of the host as a function that JAX can differentiate: value and gradient in one call."""
-    import jax
-    import jax.numpy as jnp
-
     shapes = jax.ShapeDtypeStruct((), jnp.float64), jax.ShapeDtypeStruct(z.shape, jnp.float64)
 
     def potential_and_gradient(z: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -262,7 +253,6 @@ def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.
 
 
 LARGEST_R_HAT = 1.01
-FEWEST_EFFECTIVE = 400
 LARGEST_DIVERGENT_SHARE = 0.01
 SMALLEST_ENERGY_FRACTION = 0.3
 

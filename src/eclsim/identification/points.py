@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim.files import ORIGIN
 from eclsim.identification.quantities import OUTPUTS, unit_of, unit_of_parameter
 from eclsim.identification.verdict import FitVerdict
 
-if TYPE_CHECKING:
-    import xarray as xr
-
+HOURS_PER_DAY = 24.0
 SHARES = (0.05, 0.5, 0.95)
 """Quantiles of an `Interval`: lower end, median, upper end."""
 
@@ -126,8 +125,6 @@ class TrackResult:
 
         `doubts` begins with the headline of the first estimate's verdict where that is not good.
         """
-        import xarray as xr
-
         points = self.points
         parameters = list(dict.fromkeys(n for p in points for n in p.parameters))
         outputs = [n for n in OUTPUTS if any(n in p.outputs or n in p.innovations for p in points)]

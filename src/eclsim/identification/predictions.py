@@ -19,6 +19,7 @@ from eclsim.identification.settings import measured_open_set_points
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
+from eclsim.outputs.results import beat_warnings
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
@@ -224,8 +225,6 @@ def predict_all(
 
     With `warn` they have warnings about the beat at the medians of the draws.
     """
-    from eclsim.outputs.results import beat_warnings
-
     draws = samples.reshape(-1, samples.shape[-1])
     chosen = samples[:, evenly_chosen(*samples.shape[:2])].reshape(-1, samples.shape[-1])
     parameters = {n: chosen[:, k] for k, n in enumerate(density.prior.names)}

@@ -23,6 +23,7 @@ from eclsim.devices.registry import instances_in, is_of_user
 from eclsim.outputs.registry import find_output
 from eclsim.outputs.signals import output_names
 from eclsim.reporting.numbers import number, significant
+from eclsim.units import unit_after_number
 
 _DIGITS = 12
 
@@ -101,7 +102,7 @@ def _scale(names: tuple[str, ...]) -> Scale:
 def unit_of_parameter(name: str) -> str:
     """Unit of a parameter or of a number of a case; empty if dimensionless."""
     known = quantity(name)
-    return "" if known is None or known.unit == "1" else known.unit
+    return "" if known is None else unit_after_number(known.unit)
 
 
 def axis_label(name: str) -> str:

@@ -131,9 +131,9 @@ def _has_open_outputs(point: Data) -> bool:
     return not all(cell.get("determined", True) for cell in point["outputs"].values())
 
 
-def bracketed(value: float | None, determined: bool, digits: int = 4) -> str:
+def bracketed(value: float | None, determined: bool) -> str:
     """A number as text, in brackets if the measurements do not determine it."""
-    text = dashed(value, digits)
+    text = dashed(value)
     return text if determined or value is None else f"({text})"
 
 
@@ -192,19 +192,16 @@ def _counted(points: Sequence[Data]) -> str:
 # --- the page of a fit --------------------------------------------------------------------------------
 
 
-def write_fit_page(
-    folder: Path, content: Data, case: Case | None = None, drawings: Path | None = None
-) -> Path:
+def write_fit_page(folder: Path, content: Data, drawings: Path, case: Case | None = None) -> Path:
     """Write the page of a fit, or of a cohort's fits.
 
     Args:
         folder: folder of the page.
         content: data as in identification.json.
+        drawings: folder with the figures as SVG; those that it lacks are left out.
         case: case of a single fit; None for a cohort.
-        drawings: folder with the figures as SVG; None for a page without figures.
     """
-    captions = COHORT if case is None else ONE_FIT
-    drawn = {} if drawings is None else {n: drawings / f"{n}.svg" for n in captions}
+    drawn = {n: drawings / f"{n}.svg" for n in (COHORT if case is None else ONE_FIT)}
     svgs = {n: path.read_text(encoding="utf-8") for n, path in drawn.items() if path.exists()}
     text = cohort_page(content, svgs) if case is None else fit_page(content, case, svgs)
     write_text(text, folder / REPORT)

@@ -19,9 +19,11 @@ from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, unit_of
-from eclsim.inputs.mistakes import CaseError, Mistake, Remarks, as_names, shown
+from eclsim.inputs.mistakes import CaseError, InputError, Mistake, Remarks, as_names, shown
+from eclsim.inputs.named_values import named_texts
 from eclsim.inputs.sections import NOT_FITTED
 from eclsim.orbit.model import VolumePolicy, circuit_of
+from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties, measurement_errors
@@ -36,7 +38,7 @@ from eclsim.parameters.regulation import (
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.patient.sites import ARTERIAL_SITES
-from eclsim.sensitivity.inputs import InputError
+from eclsim.sensitivity.identifiability import identifiability, propose
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -205,9 +207,6 @@ def free_parameters(
         usual: names of the usual parameters.
         policy: blood volume policy; None takes that of the case.
     """
-    from eclsim.orbit.status import NoDerivativesError
-    from eclsim.sensitivity.identifiability import identifiability, propose
-
     unknown = parameters_informed_by_gases(case)
     if not unknown:
         return tuple(usual)
@@ -562,19 +561,19 @@ def read_bounds(text: str) -> dict[str, tuple[float, float]]:
     """Parse bounds such as "Rmc=0.1:2,Csart=0.5:5".
 
     Raises:
-        ValueError: Parts of the text are no pairs of numbers; the message has one line for each.
+        InputError: Parts of the text are no pairs of numbers, or a name is given twice.
     """
-    result, mistakes = {}, []
-    for part in (p.strip() for p in text.split(",") if p.strip()):
-        name, _, numbers = part.partition("=")
-        lower, _, upper = numbers.partition(":")
-        if name.strip() in result:
-            mistakes.append(f"--bounds {part}: {name.strip()} is given twice; leave one of them out")
+    result: dict[str, tuple[float, float]] = {}
+    wrong = []
+    for part in named_texts([text]):
+        lower, _, upper = part.text.partition(":")
+        if part.name in result:
+            wrong.append(f"--bounds {part.written}: {part.twice}")
             continue
         try:
-            result[name.strip()] = float(lower), float(upper)
+            result[part.name] = float(lower), float(upper)
         except ValueError:
-            mistakes.append(f"--bounds {part}: allowed: NAME=LOWER:UPPER, such as Rmc=0.1:2")
-    if mistakes:
-        raise ValueError("\n".join(mistakes))
+            wrong.append(f"--bounds {part.written}: allowed: NAME=LOWER:UPPER, such as Rmc=0.1:2")
+    if wrong:
+        raise InputError(wrong)
     return result

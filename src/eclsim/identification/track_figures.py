@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from eclsim.identification.figures import LONGEST_LABEL, scaled_axis, with_line_break
+from eclsim.identification.points import HOURS_PER_DAY
 from eclsim.identification.quantities import axis_label, unit_of
 from eclsim.identification.track_report import doubts_of_point
 from eclsim.reporting.style import GREY, OKABE_ITO, figure_style, panel_grid, plain_text
@@ -22,7 +23,6 @@ _ACROSS = 2
 MOST_NAMES = 8
 LONGEST_NAME = 6
 """With longer names (characters), the axis shows the number of the measurement."""
-HOURS_PER_DAY = 24.0
 HOURS_SHOWN_AS_DAYS = 72.0
 """Courses longer than this [h] have an axis in days."""
 

@@ -35,10 +35,11 @@ from eclsim.identification.filtering import (
     regress,
     updated,
 )
-from eclsim.identification.importance import Transport, WeightedDraws, importance_sample
+from eclsim.identification.importance import WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.points import (
+    HOURS_PER_DAY,
     SHARES,
     Innovation,
     Interval,
@@ -58,6 +59,7 @@ from eclsim.identification.series import (
     series_of,
 )
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.transport import Transport
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,
@@ -77,7 +79,6 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
 
-HOURS_PER_DAY = 24.0
 EXPLORED = 512
 MAXIMISATIONS = 4
 DRAWS = 512

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from eclsim.cases.reading import case_text
 from eclsim.devices.registry import digests_of_own_files
-from eclsim.execution import Executor, Progress, Tasks, announce, digest_of_text, json_format
+from eclsim.execution import Executor, Progress, Tasks, announce, complete_in, digest_of_text, json_format
 from eclsim.files import finite
 from eclsim.identification.tracking import TrackSettings, track
 
@@ -84,5 +84,4 @@ def follow_patients(
     inputs = {"series": {patient: one.as_inputs() for patient, one in series.items()}}
     each: Sequence[PatientSeries] = list(series.values())
     tasks = Tasks("tracking", "patients", followed, each, {**inputs, **digests_of_own_files()})
-    place = None if folder is None else folder / PATIENTS
-    return (executor or Executor()).complete(tasks, place, _FORMAT, progress)
+    return complete_in(folder, PATIENTS, tasks, _FORMAT, executor, progress)

@@ -7,20 +7,19 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from eclsim.arguments import Kind, article, number_of, written
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.cases.case import Case
+from eclsim.cases.reading import CaseReading, as_file, read_case
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
+from eclsim.cases.sections import POLICY_KEY
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.own_laws import mistakes_of_own_laws
 from eclsim.devices.device import DeviceError
 from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
 from eclsim.spelling import spelling_hint
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-    from eclsim.cases.reading import CaseReading
 
 __all__ = ["Model", "UnknownValueError", "as_case", "as_model", "circuit_of", "model_of", "nominal_values"]
 
@@ -163,9 +162,6 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
             as there are no numbers to repeat.
         policy: blood volume policy of the computation; by default the case's.
     """
-    from eclsim.cases.reading import as_file
-    from eclsim.cases.sections import POLICY_KEY
-
     if case.as_written is not None and not case.targets() and not case.at_rest().targets():
         case = case.with_set_points(values_of(case))
     return as_file(case) | ({} if policy is None else {POLICY_KEY: policy})
@@ -192,9 +188,6 @@ def as_case(source: CaseSource, *, or_model: bool = False) -> Case:
         CaseError: the file is no valid case; lists all mistakes.
         TypeError: `source` is no case, such as a `Model`.
     """
-    from eclsim.cases.case import Case
-    from eclsim.cases.reading import CaseReading, read_case
-
     if isinstance(source, Case):
         return source
     if isinstance(source, CaseReading):

@@ -43,6 +43,7 @@ from eclsim.reporting.style import (
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.ranges import own_ranges_text
 from eclsim.sensitivity.results import Indices, SensitivityResult
+from eclsim.units import unit_after_number
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -327,7 +328,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
 def output_unit(name: str) -> str:
     """Unit of an output; empty if it is dimensionless or unknown."""
     known = find_output(name)
-    return "" if known is None or known.unit == "1" else known.unit
+    return "" if known is None else unit_after_number(known.unit)
 
 
 def _legend_below(fig: Figure, note: str) -> None:

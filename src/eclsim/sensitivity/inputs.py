@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from eclsim.cases.resolve import circuit_of, switched_circuit
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.inputs.mistakes import InputError
+from eclsim.inputs.named_values import named_texts
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.results import unit_of_value
+from eclsim.outputs.signals import parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties
 from eclsim.spelling import spelling_hint
 
@@ -168,8 +171,6 @@ def varied_inputs(
         perturbation_percent: half width of the range of each number without a range of its own.
         ranges: own ranges of inputs, as `checked_ranges` returns them.
     """
-    from eclsim.outputs.signals import parameters_read
-
     ranges = ranges or {}
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
@@ -210,8 +211,6 @@ def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
 
 def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float]]:
     """Return the circuit, with switchable lines if any of these is an input, and their present positions."""
-    from eclsim.cases.resolve import circuit_of, switched_circuit
-
     if not moved:
         return circuit_of(case), {}
     circuit, positions = switched_circuit(case)
@@ -411,24 +410,29 @@ def _allowed_range(name: str, case: Case) -> tuple[float, float] | None:
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
-    """Parse "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
-    result, wrong = {}, []
-    for part in (p.strip() for p in text.split(",") if p.strip()):
-        name, _, number = (p.strip() for p in part.partition("="))
+    """Parse "SP=4,CO=10%": numbers in the unit of the output, or percent of its value.
+
+    Raises:
+        InputError: A part has another form, or a name is given twice.
+    """
+    result: dict[str, Uncertainty] = {}
+    wrong = []
+    for part in named_texts([text]):
+        name, number = part.name, part.text
         try:
             value = float(number.removesuffix("%"))
         except ValueError:
             value = 0.0
         if not value > 0.0 or value == float("inf"):
             wrong.append(
-                f"--uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
+                f"--uncertainty {part.written}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
             )
         elif name in result:
-            wrong.append(f"--uncertainty {part}: {name} is given twice; leave one of them out")
+            wrong.append(f"--uncertainty {part.written}: {part.twice}")
         elif number.endswith("%") and value > 100.0:
             wrong.append(
-                f"--uncertainty {part}: so large an uncertainty carries no information; allowed: up to 100%, "
-                "or leave the measurement out"
+                f"--uncertainty {part.written}: so large an uncertainty carries no information; allowed: up "
+                "to 100%, or leave the measurement out"
             )
         else:
             result[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)

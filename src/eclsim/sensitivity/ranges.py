@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from eclsim.arguments import Kind, number_of, written
+from eclsim.inputs.named_values import named_texts
 from eclsim.outputs.results import unit_of_value
 from eclsim.reporting.numbers import number
 from eclsim.sensitivity.inputs import Categorical, Continuous, Description, Input, InputError, Range
@@ -63,17 +64,17 @@ def read_ranges(texts: Sequence[str]) -> dict[str, Range]:
     """
     ranges: dict[str, Range] = {}
     wrong = []
-    for text in (part.strip() for given in texts for part in given.split(",") if part.strip()):
-        name, _, bounds = (part.strip() for part in text.partition("="))
-        parts = [part.strip() for part in bounds.split(":")]
+    for given in named_texts(texts):
+        name, shown = given.name, given.written[:60]
+        parts = [part.strip() for part in given.text.split(":")]
         try:
             low, high = map(float, parts[:2])
         except ValueError:
             low = high = math.nan
         if not name or math.isnan(low + high) or parts[2:] not in ([], ["log"]):
-            wrong.append(f"--range {text[:60]}: allowed: NAME=LOW:HIGH or NAME=LOW:HIGH:log, as Rmc=0.5:1.5")
+            wrong.append(f"--range {shown}: allowed: NAME=LOW:HIGH or NAME=LOW:HIGH:log, as Rmc=0.5:1.5")
         elif name in ranges:
-            wrong.append(f"--range {text[:60]}: {name} is given twice; leave one of them out")
+            wrong.append(f"--range {shown}: {given.twice}")
         else:
             ranges[name] = (low, high, "log") if parts[2:] else (low, high)
     if wrong:

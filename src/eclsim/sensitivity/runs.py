@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from eclsim._version import __version__
+from eclsim.beat.grid import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import digests_of_own_files
@@ -28,6 +29,11 @@ from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import LOCK, PARTIAL, whole_file
 from eclsim.gas.network import GasStatus
+from eclsim.orbit.execution import Execution
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.signals import watched_waveforms
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.inputs import Description
 
@@ -107,11 +113,6 @@ class SteadyBeatEvaluator:
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run several points."""
-        from eclsim.orbit.execution import Execution
-        from eclsim.orbit.steady import Batch
-        from eclsim.outputs.signals import watched_waveforms
-        from eclsim.outputs.steady_beat import steady_beat
-
         batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
         beat = steady_beat(
             batch, self.outputs, waveforms=watched_waveforms(self.circuit),
@@ -139,16 +140,12 @@ _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]+")
 
 def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
     """Resolution of the grid that the most demanding run of a design needs."""
-    from eclsim.beat.grid import needed_resolution
-
     values = {**base, **design.settings(design.unit())}
     return int(np.max(needed_resolution(assemble(circuit), values)))
 
 
 def status_word(status: int) -> str:
     """Name of the way in which a run ended."""
-    from eclsim.orbit.status import Status
-
     if status >= WITHOUT_GASES:
         return GasStatus(status - WITHOUT_GASES).word
     return Status(status).word
@@ -156,16 +153,12 @@ def status_word(status: int) -> str:
 
 def status_message(status: int) -> str:
     """Explanation of the way in which a run ended."""
-    from eclsim.orbit.status import Status
-
     kind = GasStatus(status - WITHOUT_GASES) if status >= WITHOUT_GASES else Status(status)
     return kind.message
 
 
 def gas_words() -> set[str]:
     """Names of ways to end that only runs with a steady beat and without steady gases have."""
-    from eclsim.orbit.status import Status
-
     return {status.word for status in GasStatus} - {status.word for status in Status}
 
 

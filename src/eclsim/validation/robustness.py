@@ -16,7 +16,7 @@ import numpy as np
 
 from eclsim.cases.sections import Physiology
 from eclsim.circuit.assembly import assemble
-from eclsim.execution import Executor, Format, Progress, Tasks, json_format
+from eclsim.execution import Executor, Format, Progress, Tasks, complete_in, json_format
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
@@ -50,8 +50,7 @@ class Effort:
 
     def complete(self, tasks: Tasks[Argument, Result], format: Format[Result]) -> list[Result]:
         """Return the results of the tasks of a sweep, stored in a separate folder."""
-        place = None if self.folder is None else self.folder / tasks.title
-        return self.executor.complete(tasks, place, format, self.progress)
+        return complete_in(self.folder, tasks.title, tasks, format, self.executor, self.progress)
 
 
 # --- the sweep --------------------------------------------------------------------------------------
