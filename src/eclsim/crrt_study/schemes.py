@@ -15,8 +15,9 @@ from eclsim.arguments import number_of, written
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.crrt import Crrt
 from eclsim.devices.device import device_key
-from eclsim.devices.ecmo import BEFORE_OXYGENATOR, BEHIND_OXYGENATOR, ECMO, POSITION_WORDS, PUMPS
+from eclsim.devices.ecmo import BEFORE_OXYGENATOR, BEHIND_OXYGENATOR, ECMO, POSITION_WORDS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
+from eclsim.devices.ecmo_parts import PUMPS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.numbers import suspected_unit
