@@ -23,9 +23,8 @@ from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES
 from eclsim.cases.table import Table, read_text_table
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
-from eclsim.files import unguarded
+from eclsim.files import NUMBER, unguarded
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
-from eclsim.inputs.numbers import NUMBER
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, NOT_FITTED, looks_identifiable
 from eclsim.spelling import did_you_mean
 from eclsim.units import MMHG_PER_KPA, known_unit

@@ -20,9 +20,9 @@ from eclsim.cases.observations import (
 )
 from eclsim.cases.sections import PATIENT_SECTIONS, Gas
 from eclsim.cases.table import read_text_table
-from eclsim.files import csv_text
+from eclsim.files import NUMBER, csv_text
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
-from eclsim.inputs.numbers import NUMBER, is_missing
+from eclsim.inputs.numbers import is_missing
 from eclsim.spelling import did_you_mean
 from eclsim.units import known_unit
 

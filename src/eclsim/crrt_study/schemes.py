@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import number_of, written
+from eclsim.cases.sections import POLICIES
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.crrt import Crrt
 from eclsim.devices.device import device_key
@@ -207,9 +208,7 @@ def _unknown(word: str, known: Sequence[str]) -> str:
 # --- requirements of the study on cases and options -------------------------------------------------
 
 
-AS_PUBLISHED = "as_published"
 BOTH = "both"
-VOLUME_POLICIES = (AS_PUBLISHED, "patient_held")
 DEFAULT_FLOW_ML_MIN = 200.0
 
 
@@ -220,11 +219,9 @@ class StudyError(ValueError):
 def policies_of(volume_policy: str) -> tuple[str, ...]:
     """Return the policies that an option names."""
     if volume_policy == BOTH:
-        return VOLUME_POLICIES
-    if volume_policy not in VOLUME_POLICIES:
-        raise StudyError(
-            f"blood volume policy '{volume_policy}'; allowed: {', '.join((*VOLUME_POLICIES, BOTH))}"
-        )
+        return POLICIES
+    if volume_policy not in POLICIES:
+        raise StudyError(f"blood volume policy '{volume_policy}'; allowed: {', '.join((*POLICIES, BOTH))}")
     return (volume_policy,)
 
 

@@ -3,7 +3,7 @@
     lv | la | pas --(cannula)--> post_dc of the ECMO circuit
 
 It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. At 15 Fr it is the arterial cannula
-of `eclsim.devices.cannulae.CANNULAE`; other sizes are orifices with a flow proportional to the squared diameter.
+of `eclsim.devices.cannulae`; other sizes are orifices with a flow proportional to the squared diameter.
 """
 
 from __future__ import annotations
