@@ -216,6 +216,13 @@ def test_derivatives_hold_the_flow():
     nothing = eclsim.derivatives(case(9.0), names, parameters, throw=False)
     assert nothing.attrs["status"] == NOT_REACHED
     assert np.isnan(nothing).all()
+    assert set(nothing.coords) == set(exact.coords)
+    assert nothing.attrs["long_name"] == exact.attrs["long_name"]
+    assert float(nothing["parameter_value"].sel(parameter="ecmo.flow_l_min")) == 9.0
+    for units in ("output_units", "parameter_units"):
+        assert list(nothing[units].values) == list(exact[units].values)
+    with pytest.raises(UnknownValueError, match="Rmcc"):
+        eclsim.derivatives(case(9.0), names, ["Rmcc"], throw=False)
 
 
 @pytest.mark.slow

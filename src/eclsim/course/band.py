@@ -145,7 +145,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
 
 
 def _values_at(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np.ndarray:
-    """Interpolate a course at given times, shape (names, moments); NaN outside the course."""
+    """Values of a course at given times, shape (names, moments); NaN where it has no moment at that time."""
     moments = course[TIME].to_numpy()
     values = np.full((len(names), len(time)), np.nan)
     shared = np.isin(time, moments)

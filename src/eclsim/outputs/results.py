@@ -292,25 +292,44 @@ def derivatives(
             raise NoDerivativesError(error.status, error.reason, model.name, error.gases) from None
         status, message = error.word, error.reason
         values, slopes = np.full(len(outputs), np.nan), np.full((len(outputs), len(parameters)), np.nan)
+    about = {
+        "id": model.name,
+        "status": status,
+        "message": message,
+        "warnings": [*model.doubts, *sentences(beat.findings()), *_corners(beat, outputs)],
+    }
+    return labelled_derivatives(slopes, outputs, values, parameters, model.values, about)
+
+
+def labelled_derivatives(
+    slopes: np.ndarray,
+    outputs: Sequence[str],
+    output_values: np.ndarray,
+    parameters: Sequence[str],
+    values: Mapping[str, float],
+    about: Mapping[str, Any],
+) -> xr.DataArray:
+    """Label derivatives with names, values and units of what was derived and by what.
+
+    Args:
+        slopes: derivatives, shape (outputs, parameters); NaN where there are none.
+        outputs: names of the outputs.
+        output_values: their values, shape (outputs,).
+        parameters: names of the parameters.
+        values: values of the parameters by name.
+        about: further attributes, such as the status.
+    """
+    coordinates = {
+        "output": list(outputs),
+        "parameter": list(parameters),
+        "value": ("output", output_values),
+        "output_units": ("output", [output(name).unit for name in outputs]),
+        "parameter_value": ("parameter", [values[name] for name in parameters]),
+        "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
+    }
+    long_name = "d output / d parameter, in output_units per parameter_units"
     return xr.DataArray(
-        slopes,
-        dims=("output", "parameter"),
-        coords={
-            "output": list(outputs),
-            "parameter": list(parameters),
-            "value": ("output", values),
-            "output_units": ("output", [output(name).unit for name in outputs]),
-            "parameter_value": ("parameter", [model.values[p] for p in parameters]),
-            "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
-        },
-        attrs={
-            **ORIGIN,
-            "long_name": "d output / d parameter, in output_units per parameter_units",
-            "id": model.name,
-            "status": status,
-            "message": message,
-            "warnings": [*model.doubts, *sentences(beat.findings()), *_corners(beat, outputs)],
-        },
+        slopes, coordinates, ("output", "parameter"), attrs={**ORIGIN, "long_name": long_name, **about}
     )
 
 

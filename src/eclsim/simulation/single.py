@@ -218,16 +218,19 @@ def _at_held_flow(
 
 
 def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]) -> xr.DataArray:
-    nothing = np.full((len(outputs), len(parameters)), np.nan)
-    coordinates = {"output": list(outputs), "parameter": list(parameters)}
+    model = model_of(solved.case_at(0.0))
+    model.refuse_unknown([name for name in parameters if name != solved.flow_key])
+    values = {**model.values, solved.flow_key: float(solved.flows[0])}
     about = {
-        **ORIGIN,
         "id": solved.case.patient.id,
         "status": NOT_REACHED,
         "message": solved.reasons[0],
         "warnings": list(solved.case.doubts),
     }
-    return xr.DataArray(nothing, coordinates, ("output", "parameter"), attrs=about)
+    nothing = np.full((len(outputs), len(parameters)), np.nan)
+    return results.labelled_derivatives(
+        nothing, outputs, np.full(len(outputs), np.nan), parameters, values, about
+    )
 
 
 def _beat(
@@ -265,7 +268,7 @@ def simulate_transient(
     solver: str = "semi-implicit",
     names: Sequence[str] | None = None,
 ) -> xr.Dataset:
-    """Simulate a case from the published initial state over `time` [s].
+    """Simulate a case from the published initial state over `seconds`.
 
     Args:
         case: patient, devices and parameters.
