@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.cases.resolve import resolve_parameters
+from eclsim.cases.sections import AS_PUBLISHED
 from eclsim.components.dialysis import PLASMA_WATER
 from eclsim.crrt_study import beats as crrt_datasets
 from eclsim.crrt_study.beats import SPEED, split_differences, study_circuits, summarise, unsettled
@@ -26,7 +27,6 @@ from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
 from eclsim.crrt_study.ranking import rank
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
-    AS_PUBLISHED,
     BOTH,
     NINE,
     PUBLISHED,
