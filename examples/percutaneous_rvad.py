@@ -35,7 +35,8 @@ from eclsim.devices import (
     patient_site,
     pump_values,
 )
-from eclsim.devices.ecmo import CANNULAE, PUMPS
+from eclsim.devices.cannulae import CANNULAE
+from eclsim.devices.ecmo_parts import PUMPS
 
 SIZE = "19 to 29 Fr"
 

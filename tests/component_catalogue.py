@@ -23,7 +23,7 @@ from eclsim.components import (
     Ventricle,
 )
 from eclsim.devices import ecmo, lvad
-from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.cannulae import CANNULAE
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 

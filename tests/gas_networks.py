@@ -9,7 +9,7 @@ import numpy as np
 
 from eclsim.components.base import Key, value_of
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
-from eclsim.devices.ecmo import MEMBRANE
+from eclsim.devices.ecmo_parts import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
 

@@ -21,9 +21,9 @@ REPOSITORY = Path(__file__).parents[1]
 SOURCE = REPOSITORY / "src"
 
 LONGEST_FILE = 600  # long enough for one idea: a limit of 300 scattered every topic over many files
-LONGER_FILES: dict[str, str] = {
-    # path in the repository: reason
-    "src/eclsim/devices/ecmo.py": "a device is one file",
+LONGER_FILES: dict[str, int] = {
+    # path in the repository: its limit; section, circuit, outputs, drawing and knobs of a device are one file
+    "src/eclsim/devices/ecmo.py": 850,
 }
 
 
@@ -66,8 +66,11 @@ def test_files_are_short():
         str(path.relative_to(REPOSITORY)): len(path.read_text(encoding="utf-8").splitlines())
         for path in [*SOURCE.rglob("*.py"), *(REPOSITORY / "tests").rglob("*.py")]
     }
-    too_long = {name: length for name, length in lengths.items() if length > LONGEST_FILE}
-    assert too_long.keys() == LONGER_FILES.keys(), too_long
+    too_long = {
+        name: length for name, length in lengths.items() if length > LONGER_FILES.get(name, LONGEST_FILE)
+    }
+    assert too_long == {}
+    assert all(lengths[name] > LONGEST_FILE for name in LONGER_FILES), "an exception is no longer needed"
 
 
 def test_no_module_is_called_utils():

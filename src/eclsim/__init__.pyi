@@ -14,8 +14,8 @@ from eclsim.course.cohort import course_cohort as course_cohort
 from eclsim.course.course import course as course
 from eclsim.course.course import course_many as course_many
 from eclsim.course.engine import CourseOptions as CourseOptions
-from eclsim.course.plan import plan_removal as plan_removal
-from eclsim.course.plan import plan_weaning as plan_weaning
+from eclsim.course.removal import plan_removal as plan_removal
+from eclsim.course.weaning import plan_weaning as plan_weaning
 from eclsim.crrt_study.rule import RuleError as RuleError
 from eclsim.crrt_study.schemes import SchemeError as SchemeError
 from eclsim.crrt_study.schemes import SpeedError as SpeedError

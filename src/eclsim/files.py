@@ -41,7 +41,8 @@ _FILE_MODE = 0o644
 # HDF5 buries the system's error number in a long text, and sometimes raises RuntimeError instead of OSError.
 _HDF5_ERROR = re.compile(r"file write failed: .*?errno = (\d+)", re.DOTALL)
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+"""A number as it is written in tables and case files."""
 _LONGEST_STEM = 60
 
 
@@ -166,7 +167,7 @@ def guarded(cell: _Cell) -> _Cell | str:
 
     A number with a sign, such as "-50", is no formula, and with an apostrophe it would be no number.
     """
-    is_formula = isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) and not _NUMBER.fullmatch(cell)
+    is_formula = isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) and not NUMBER.fullmatch(cell)
     return f"'{cell}" if is_formula else cell
 
 

@@ -23,6 +23,8 @@ RED_CELL_HAEMOGLOBIN = 33.3
 """Usual haemoglobin of red cells [g/dL]: haemoglobin of the blood at a haematocrit of 1."""
 SECONDS_PER_MINUTE = 60.0
 
+_MICRO = re.compile(r"\bu(?=g|mol)")
+
 # unit -> (quantity, value of one such unit in the internal unit of the quantity). Micromoles are not taken
 # for millimoles: an impossible creatinine is rather one in mg/dL.
 _FACTORS: dict[str, tuple[str, float]] = {
@@ -187,6 +189,11 @@ def unit_in_words(unit: str) -> str:
 def unit_after_number(unit: str) -> str:
     """Return a unit as it is written after a number: nothing for that of a fraction."""
     return "" if unit == "1" else unit
+
+
+def with_micro_sign(unit: str) -> str:
+    """Return a unit of case files with the sign for micro: "µg" for "ug"."""
+    return _MICRO.sub("µ", unit)
 
 
 def equation(value: float, unit: str, other_unit: str) -> str:

@@ -15,7 +15,8 @@ from eclsim.cases import (
     write_case,
 )
 from eclsim.devices import ecmo, lvad
-from eclsim.devices.ecmo import OXYGENATORS, Ecmo, RollerPump
+from eclsim.devices.ecmo import Ecmo, RollerPump
+from eclsim.devices.ecmo_parts import OXYGENATORS
 from eclsim.devices.lvad import Lvad
 from eclsim.devices.registry import parameters
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml

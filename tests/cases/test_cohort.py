@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eclsim.cases import CaseError, cohort, read_case
+from eclsim.cases import CaseError, read_case
 from eclsim.cases.cohort import COLUMNS, read_cohort
 
 HEAD = (
@@ -129,70 +129,10 @@ def test_missing_measurements_are_left_out(write, text):
     assert point.case.measurements.SP == 101
 
 
-@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
-def test_byte_order_mark_line_endings_and_blank_rows(write, end):
-    reading = read_cohort(write(b"\xef\xbb\xbf" + HEAD.encode(), row(1), row(2), "", ",,,", "", end=end))
-    assert [p.measurement for p in reading.points] == ["1", "2"]
-    assert reading.points[0].patient_id == "P01"
-    assert not reading.refused
-
-
-@pytest.mark.parametrize(("delimiter", "name"), [(";", "semicolons"), ("\t", "tabs")])
-def test_another_delimiter_is_found_and_stated(write, delimiter, name):
-    reading = read_cohort(write(HEAD.replace(",", delimiter), ROW.replace(",", delimiter)))
-    assert len(reading.points) == 1
-    assert any(name in str(note) for note in reading.notes)
-
-
-@pytest.mark.parametrize(("stated", "delimiter"), [("sep=;", ";"), ('"sep=,"', ","), ("sep=\t", "\t")])
-def test_a_spreadsheets_line_that_says_the_delimiter_is_no_header(write, stated, delimiter):
-    bad = row(2, SP="fast").replace(",", delimiter)
-    reading = read_cohort(write(stated, HEAD.replace(",", delimiter), ROW.replace(",", delimiter), bad))
-    assert [point.line for point in reading.points] == [3]
-    assert [mistake.line for mistake in reading.refused] == [4]
-
-
-def test_nothing_behind_the_line_that_says_the_delimiter(write):
-    with pytest.raises(CaseError) as error:
-        read_cohort(write("sep=;", ""))
-    assert "no patients" in error_text(error)
-
-
 def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_meant(write):
     reading = read_cohort(write(HEAD.replace(",", ";"), ROW.replace(",", ";").replace("5.8", "5,8")))
     assert reading.points == ()
     assert "5.8" in str(reading.refused[0])
-
-
-@pytest.mark.parametrize(
-    ("data", "text"),
-    [
-        (b"", "empty"),
-        (b"\n \n", "empty"),
-        (HEAD.encode(), "no patients"),
-        (f"{HEAD}\n{ROW}".encode("utf-16"), "UTF-16"),
-        (f"{HEAD}\n{ROW}".encode("utf-16-le"), "UTF-16"),
-        (f"{HEAD}\n{row(1, 'Jürgen')}".encode("latin-1"), "Latin-1"),
-    ],
-)
-def test_a_file_that_is_no_table_is_refused(write, data, text):
-    with pytest.raises(CaseError) as error:
-        read_cohort(write(data))
-    assert text in error_text(error)
-
-
-def test_files_too_large_are_refused_before_they_are_read_whole(write, monkeypatch):
-    monkeypatch.setattr(cohort, "MAXIMUM_BYTES", 1_000_000)
-    with pytest.raises(CaseError, match="at most 1 MB"):
-        read_cohort(write(HEAD, *[ROW] * 20_000))
-
-
-def test_limits_of_rows_and_columns(write, monkeypatch):
-    monkeypatch.setattr(cohort, "MAXIMUM_ROWS", 10)
-    with pytest.raises(CaseError, match="at most 10 rows"):
-        read_cohort(write(HEAD, *[row(k) for k in range(11)]))
-    with pytest.raises(CaseError, match="at most 200 columns"):
-        read_cohort(write(HEAD + ",x" * 300, ROW))
 
 
 @pytest.mark.parametrize("name", ["007", "1e5", "00123E4", "1_000"])
@@ -267,11 +207,6 @@ def test_too_few_or_many_cells_refuse_the_row(write, change, text):
     assert text in str(mistake)
 
 
-def test_quoted_commas_and_line_breaks(write):
-    reading = read_cohort(write(HEAD + ",comment", ROW + ',"a, b\nc"', row(2) + ",", row(3) + ",d"))
-    assert [(p.measurement, p.line) for p in reading.points] == [("1", 2), ("2", 4), ("3", 5)]
-
-
 def test_a_quote_that_is_never_closed_is_named_and_rows_before_it_stand(write):
     reading = read_cohort(write(HEAD, row(1), row(2, "P02").replace("male", '"male'), row(3)))
     assert [p.measurement for p in reading.points] == ["1"]
@@ -322,13 +257,6 @@ def test_times_with_and_without_a_time_zone_are_not_put_in_order_and_this_is_sta
     reading = read_cohort(write(HEAD, *lines))
     assert [point.line for point in reading.points] == [2, 3]
     assert any("without a time zone" in str(note) for note in reading.notes)
-
-
-def test_no_such_file_and_a_folder(tmp_path):
-    with pytest.raises(CaseError, match="no such file"):
-        read_cohort(tmp_path / "none.csv")
-    with pytest.raises(CaseError, match="a folder"):
-        read_cohort(tmp_path)
 
 
 def test_a_patient_of_two_heights_or_sexes_is_doubted(write):

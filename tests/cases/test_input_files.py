@@ -9,7 +9,8 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.cohort import read_cohort
-from eclsim.cases.importing import as_table, import_cohort, read_bundle, read_long_table
+from eclsim.cases.fhir import read_bundle
+from eclsim.cases.importing import as_table, import_cohort, read_long_table
 from eclsim.cases.settings import parse_settings
 from eclsim.inputs.files import json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError

@@ -20,7 +20,7 @@ from eclsim.cli.course import (
 )
 from eclsim.cli.plan import _kept_text, _table
 from eclsim.course.files import course_object
-from eclsim.course.plan import WeaningStep
+from eclsim.course.weaning import WeaningStep
 from eclsim.paper.cohort import SYNTHETIC
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"

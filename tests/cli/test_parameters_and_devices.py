@@ -7,7 +7,8 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.devices import ecmo, lvad
-from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
+from eclsim.devices.cannulae import CANNULAE
+from eclsim.devices.ecmo_parts import OXYGENATORS
 from eclsim.devices.registry import parameters
 from eclsim.parameters import physiology, shi_hose2009
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eclsim.cases.case import Measurements
-from eclsim.cli.cases import read_table
+from eclsim.cli.cases import read_usable_cohort
 from eclsim.cli.track import TrackOptions, _check_points, _series, _settings, _settings_of_each
 from eclsim.identification import tracks
 from eclsim.identification.settings import FitSettings
@@ -277,7 +277,7 @@ def test_a_cohort_has_no_posterior(shell, table):
 
 def test_assumed_numbers_that_measured_gases_tell_of_are_warned_of(capsys):
     table = Path(__file__).parents[2] / "examples" / "ageing_oxygenator.csv"
-    points = read_table(str(table)).points
+    points = read_usable_cohort(str(table)).points
     series = {"vv-ageing": [(point.measurement, point.case) for point in points]}
     _check_points(series, {"vv-ageing": TrackSettings(FitSettings(("Rmc",)))})
     message = capsys.readouterr().err

@@ -6,7 +6,7 @@ import pytest
 from component_catalogue import FLOWS, GIVEN_FLOW, ONE_WAY, PATHS, ROTARY_PUMPS
 from eclsim.components import Cannula, HeartValve, LeakingValve, Orifice, RollerPump, all_paths
 from eclsim.devices import ecmo, lvad
-from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.cannulae import CANNULAE
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 

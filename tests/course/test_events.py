@@ -9,7 +9,7 @@ from eclsim.cases.reading import case_text, read_mapping
 from eclsim.circuit.volumes import start_volume
 from eclsim.course.beats import course_beats
 from eclsim.course.course import course
-from eclsim.course.timeline import Timeline
+from eclsim.course.timeline import Change, Timeline
 from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters.fluid import sets_initial_value
 from small_patient import ON_ECMO
@@ -209,3 +209,13 @@ def test_what_is_solved_for_with_the_gases_is_changed_by_no_ramp(tmp_path):
     sweep, resistance = Timeline(read_case(tmp_path / "case.toml").case, 600.0).changes
     assert set(sweep.after) == {"ecmo.sweep_l_min"}
     assert set(resistance.after) == {"Rmc"}
+
+
+def test_a_sudden_change_is_whole_at_a_time_rounded_to_just_before_it():
+    """A plan that ended after 2.77 h ended with a division by zero."""
+    begin = 9999.99951
+    change = Change(begin, begin, {"a": 0.0}, {"a": 1.0}, None)
+    assert change.share(round(begin, 3) - 1e-6) == 1.0
+    ramp = Change(begin, begin + 10.0, {"a": 0.0}, {"a": 1.0}, None)
+    assert ramp.share(begin - 1e-3) == 0.0
+    assert ramp.share(begin + 5.0) == pytest.approx(0.5)

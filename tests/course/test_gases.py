@@ -10,7 +10,7 @@ from eclsim.circuit.volumes import total_volumes
 from eclsim.course.beats import beat_by_beat_course, course_beats
 from eclsim.course.course import course
 from eclsim.course.engine import CourseOptions
-from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.devices.ecmo_parts import OXYGENATORS
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch

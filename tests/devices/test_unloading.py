@@ -7,7 +7,7 @@ import eclsim
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.components import dialysis
-from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.cannulae import CANNULAE
 from eclsim.devices.renox import SETTINGS
 from eclsim.orbit.model import model_of
 from eclsim.outputs.limits import backward_flow_bounds

@@ -11,7 +11,7 @@ from eclsim import gas
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import Tissue
-from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.devices.ecmo_parts import OXYGENATORS
 from eclsim.gas.network import gas_exchanges, gas_of
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import NoDerivativesError

@@ -9,7 +9,7 @@ import pytest
 
 from eclsim import blood
 from eclsim.components.exchangers import FLOWMETER_TO_STPD, MembraneLung, Tissue
-from eclsim.devices.ecmo import MEMBRANE
+from eclsim.devices.ecmo_parts import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import balanced, mixtures
 from gas_networks import EXCHANGERS, PATIENT, GivenGases, compiled_quickly, flows_of, veno_venous

@@ -12,8 +12,8 @@ import eclsim
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text, read_case, read_mapping
 from eclsim.cli import main
-from eclsim.course.plan import plan_weaning
 from eclsim.course.timeline import case_with_settings
+from eclsim.course.weaning import plan_weaning
 from eclsim.goals import search
 from eclsim.goals.goal import (
     Goal,

@@ -1,6 +1,7 @@
 """Samples of parameters: what a posterior writes is read again, and what is no such table is refused."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,14 @@ def test_a_file_without_samples_is_refused(tmp_path, content, message):
     with pytest.raises(SamplesError) as error:
         read_samples(file)
     assert message in str(error.value)
+
+
+def test_the_message_of_an_empty_file_keeps_its_path(tmp_path):
+    """A path with the words of the message was rewritten."""
+    file = tmp_path / "no patients.csv"
+    file.write_text("")
+    with pytest.raises(SamplesError, match=re.escape(f"{file}: empty: no samples; needed: a header")):
+        read_samples(file)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "none.nc"])

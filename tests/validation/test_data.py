@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eclsim.devices import ecmo, lvad
-from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.cannulae import CANNULAE
 from eclsim.validation.reference_cases import (
     DATA,
     PAPER_PATIENT,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -23,6 +22,7 @@ from eclsim.outputs.registry import all_outputs
 from eclsim.parameters.adult_ranges import Sex, adult_ranges
 from eclsim.patient.anthropometry import AGE, SIZE
 from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
+from eclsim.units import with_micro_sign
 
 
 def _figure(
@@ -97,7 +97,6 @@ _INKS = 4
 """Number of device colours in the style sheet."""
 _UNITS = {"C": "°C", "%/C": "%/°C", "cm2": "cm²"}
 """Units of knobs that are written differently from case files."""
-_MICRO = re.compile(r"\bu(?=g|mol)")
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
 
 
@@ -267,7 +266,7 @@ def unit_of(knob: Knob) -> str:
 
 def written_unit(unit: str) -> str:
     """Return a case-file unit as written on the page: °C, µg."""
-    return _UNITS.get(unit, _MICRO.sub("µ", unit))
+    return _UNITS.get(unit, with_micro_sign(unit))
 
 
 def panel_of(case: Case) -> list[dict[str, Any]]:

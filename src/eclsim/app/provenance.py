@@ -22,14 +22,14 @@ from eclsim.app.knobs import (
     switchable,
     value_of,
 )
-from eclsim.app.state import POLICIES, PageState
+from eclsim.app.state import PageState
 from eclsim.app.texts import text
 from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.quantities import section_and_key, stated
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import PATIENT_SECTIONS
+from eclsim.cases.sections import PATIENT_SECTIONS, POLICIES
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import CaseError, shown
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH

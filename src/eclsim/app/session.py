@@ -29,7 +29,6 @@ from eclsim.app.provenance import measured_values, provenance, title_of
 from eclsim.app.remarks import beside_knob, remarks_of
 from eclsim.app.state import (
     MOST_SAVED,
-    POLICIES,
     START,
     History,
     Moment,
@@ -42,6 +41,7 @@ from eclsim.app.state import (
 )
 from eclsim.app.texts import text
 from eclsim.cases.resolve import circuit_of
+from eclsim.cases.sections import POLICIES
 from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError, Mistake
 

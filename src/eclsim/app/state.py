@@ -17,6 +17,7 @@ from eclsim.cases.case import Case
 from eclsim.cases.events import LONGEST_MIN
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.sections import POLICIES
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 VERSION = 2
@@ -34,7 +35,6 @@ MOST_REMARKS, LONGEST_REMARK, MOST_CONCERNED = 9, 700, 64
 """Largest numbers of remarks of a fit, of their characters, and of outputs or parameters that are named."""
 VERDICTS = ("", "good", "doubtful", "poor")
 ORIGINS = ("", "file", "cohort", "unfitted", "fit", "posterior", *PRESETS)
-POLICIES = ("as_published", "patient_held")
 
 
 class FitRemark(NamedTuple):

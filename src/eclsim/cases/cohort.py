@@ -5,14 +5,12 @@ An error in a row excludes only that row; an error in the header refuses the who
 
 from __future__ import annotations
 
-import csv
-import hashlib
 import os
 import re
 import statistics
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cache
 from types import MappingProxyType
@@ -22,109 +20,14 @@ from eclsim.cases.case import Case
 from eclsim.cases.doubts import speeds_too_low
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES, Gas, sections
+from eclsim.cases.table import Table, read_text_table
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
-from eclsim.files import unguarded
-from eclsim.inputs.files import decoded, file_error, read_bytes
+from eclsim.files import NUMBER, unguarded
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
-from eclsim.inputs.numbers import NUMBER
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, NOT_FITTED, looks_identifiable
 from eclsim.spelling import did_you_mean
 from eclsim.units import MMHG_PER_KPA, known_unit
-
-MAXIMUM_BYTES = 50_000_000
-MAXIMUM_ROWS = 100_000
-MAXIMUM_COLUMNS = 200
-_DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
-_DELIMITER_LINE = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
-"""Line before the header in which Excel states the delimiter."""
-
-
-@dataclass(slots=True, kw_only=True)
-class Table(Remarks):
-    """A table as written, with remarks on how it was read.
-
-    Attributes:
-        file: Path of the file.
-        header: Column names.
-        rows: Line, counted from 1, and cells of each row; blank rows are left out.
-        digest: SHA-256 of the file as read.
-    """
-
-    file: str
-    header: list[str] = field(default_factory=list)
-    rows: list[tuple[int, list[str]]] = field(default_factory=list)
-    digest: str
-
-
-def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a table of text cells: UTF-8, with any common delimiter and line ending.
-
-    Raises:
-        CaseError: The file as a whole cannot be used.
-    """
-    file = os.fsdecode(path)
-    data = read_bytes(file, MAXIMUM_BYTES, "a table", "split the file")
-    lines = decoded(data, file, "text in UTF-8 (in Excel: CSV UTF-8)")
-    if not lines.strip():
-        raise file_error(file, "empty: no patients")
-    lines, delimiter = _delimited(lines)
-    if not lines.strip():
-        raise file_error(file, "the first line states the column separator, and nothing follows: no patients")
-    table = Table(file=file, digest=hashlib.sha256(data).hexdigest())
-    if delimiter != ",":
-        table.note("", f"columns are separated by {_DELIMITERS[delimiter]}")
-    _read_rows(lines, delimiter, table)
-    if not table.rows and not table.mistakes:
-        raise file_error(file, "the first line is the header, and no rows follow: no patients")
-    return table
-
-
-def _delimited(text: str) -> tuple[str, str]:
-    """Return the table without a spreadsheet's line stating the delimiter, and the delimiter."""
-    first = next(line for line in text.split("\n") if line.strip())
-    if stated := _DELIMITER_LINE.fullmatch(first.strip(" ")):
-        return text.replace(first, "", 1), stated["delimiter"].replace("\\t", "\t")
-    return text, max(_DELIMITERS, key=first.count)
-
-
-def digest_of(path: str | os.PathLike[str]) -> str | None:
-    """Return the SHA-256 of a file as it is now; None if it cannot be read."""
-    try:
-        with open(path, "rb") as handle:
-            return hashlib.file_digest(handle, "sha256").hexdigest()
-    except OSError:
-        return None
-
-
-def _read_rows(text: str, delimiter: str, table: Table) -> None:
-    reader = csv.reader(text.split("\n"), delimiter=delimiter, strict=True)
-    # A cell may contain line breaks, so a row begins on the line after the end of the previous row.
-    begins = 1
-    try:
-        for cells in reader:
-            line, begins = begins, reader.line_num + 1
-            if not any(cell.strip() for cell in cells):
-                continue
-            if not table.header:
-                table.header = [cell.strip() for cell in cells]
-                if len(cells) > MAXIMUM_COLUMNS:
-                    most = f"at most {MAXIMUM_COLUMNS} columns"
-                    raise file_error(table.file, f"{len(cells)} columns", most)
-                continue
-            if len(table.rows) == MAXIMUM_ROWS:
-                most = f"at most {MAXIMUM_ROWS:,} rows; split the file"
-                raise file_error(table.file, "too many rows", most)
-            table.rows.append((line, cells))
-    except csv.Error as error:
-        unclosed = "unexpected end" in str(error)
-        message = "a quote opened here is never closed" if unclosed else f"not valid CSV: {error}"
-        if not table.header:
-            raise file_error(table.file, message) from None
-        table.mistakes.append(
-            Mistake("", f"{message}; rows from here on are not read", file=table.file, line=begins)
-        )
-
 
 # --- what the rows say together ---------------------------------------------------------------------
 
@@ -391,7 +294,7 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
     Raises:
         CaseError: The file as a whole cannot be used.
     """
-    table = read_table(path)
+    table = read_text_table(path, missing="no patients")
     result = _Rows(table)
     result.check_header()
     cells = result.cells()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -23,13 +22,13 @@ from eclsim.parameters import dialysed_drug as drug
 from eclsim.parameters.fluid import sets_initial_value
 from eclsim.slow import DOSE, INFLOWS, kind_and_unit
 from eclsim.spelling import did_you_mean
+from eclsim.units import with_micro_sign
 
 LONGEST_MIN = 31 * 1440.0
 """Longest course [min]."""
 QUICKEST_MIN = 1.0
 """Time in which volumes given without `over_min` are infused [min]: a bolus takes a minute."""
 LARGEST_ML = 20_000.0
-_MICRO = re.compile(r"\bu(?=g|mol)")
 CLASS_IV = 0.4
 """Share of the blood whose loss is class IV of Advanced Trauma Life Support (10th edition, 2018)."""
 OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
@@ -88,7 +87,7 @@ class Event(BaseModel):
 def _unit_of(key: str, value: object) -> str:
     """Return the unit of a setting as it is written; empty for a choice or a number without one."""
     known = quantity(key) if is_number(value) else None
-    return "" if known is None or known.unit == "1" else _MICRO.sub("µ", known.unit)
+    return "" if known is None or known.unit == "1" else with_micro_sign(known.unit)
 
 
 def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, remarks: Remarks) -> list[Raw]:

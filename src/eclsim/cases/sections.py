@@ -114,9 +114,12 @@ def _consumption_at_temperature(stated: Raw, remarks: Remarks) -> None:
 
 
 POLICY_KEY = "blood_volume_policy"
+AS_PUBLISHED, PATIENT_HELD = POLICIES = ("as_published", "patient_held")
+"""Source of the blood in extracorporeal circuits: the patient (as in the published code) or a priming volume,
+so that the patient keeps the stressed volume of the start."""
 POLICY = Field(
     "Filling of the circuits: with the patient's blood (as_published) or primed (patient_held)", "name",
-    required=False, names=("as_published", "patient_held"), name=POLICY_KEY,
+    required=False, names=POLICIES, name=POLICY_KEY,
 )  # fmt: skip
 """The blood volume policy, written above the sections; "as_published" if omitted."""
 _INSTANCE = re.compile(r"[A-Za-z0-9_-]{1,30}")

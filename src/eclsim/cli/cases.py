@@ -79,7 +79,7 @@ def read_each(
     return readings
 
 
-def read_table(file: str, mistakes: Collection[object] = ()) -> CohortReading:
+def read_usable_cohort(file: str, mistakes: Collection[object] = ()) -> CohortReading:
     """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable.
 
     Errors in the options of the command are reported here only together with those of the table.

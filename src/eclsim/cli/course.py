@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
+from eclsim.cli.cases import (
+    case_files_in,
+    is_table,
+    read_all,
+    read_usable_cohort,
+    warn_of_new_findings,
+    with_speeds,
+)
 from eclsim.cli.console import (
     INCOMPLETE,
     Progress,
@@ -131,7 +138,7 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
             "case files"
         )
     if tables:
-        reading = read_table(o.files[0], mistakes)
+        reading = read_usable_cohort(o.files[0], mistakes)
         cases, refused = [with_name(p.case, p.name) for p in reading.points], reading.refusals
         with refusing(CaseError, at="--set"):
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases

@@ -13,7 +13,7 @@ from eclsim.cli.cases import (
     case_files_in,
     is_table,
     read_all,
-    read_table,
+    read_usable_cohort,
     warn_of_new_findings,
     with_reachable_speeds,
     with_speeds,
@@ -222,7 +222,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     from eclsim.crrt_study.schemes import StudyError
 
     target, distribution = _check_cohort(o)
-    reading = None if Path(o.file).is_dir() else read_table(o.file)
+    reading = None if Path(o.file).is_dir() else read_usable_cohort(o.file)
     with (
         refusing(StudyError),
         explaining_resume(o.out),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import typer
 
-from eclsim.cli.cases import is_table, names_of, read_all, read_table
+from eclsim.cli.cases import is_table, names_of, read_all, read_usable_cohort
 from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, refusing, say, warn
 from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, explaining_resume, write_json_output
 from eclsim.cli.options import (
@@ -385,12 +385,12 @@ def _sample(
 
 def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[str, Any], bool]:
     """Fit all points and write the files; return the JSON content, and if rows were refused or changed."""
-    reading = read_table(o.file)
+    reading = read_usable_cohort(o.file)
     settings = fit_settings(o, policy=o.volume_policy or "as_published", weights=o.weights, seed=o.seed)
     settings = replace(settings, shared=_unique(o.shared))
     _check_points(reading, settings, o.file)
 
-    from eclsim.cases.cohort import digest_of
+    from eclsim.cases.table import digest_of
     from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
     from eclsim.identification.report import write_fit_page

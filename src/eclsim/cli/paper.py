@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import names_of, read_table
+from eclsim.cli.cases import names_of, read_usable_cohort
 from eclsim.cli.console import Progress, fail, say, warn
 from eclsim.cli.destination import (
     Destinations,
@@ -79,7 +79,7 @@ def reproduce(options: ReproduceOptions) -> None:
     cohort = None if options.cohort is None else Path(options.cohort)
     settings = ReproductionSettings(options.samples, options.explore, cohort)
     if options.cohort is not None:
-        read_table(options.cohort)
+        read_usable_cohort(options.cohort)
     with explaining_resume(folder), reporting_write_errors(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         result = recompute(folder / RUNS, settings, parts, progress, distribution)

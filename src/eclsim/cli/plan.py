@@ -19,7 +19,7 @@ from eclsim.reporting.numbers import number, text_table
 if TYPE_CHECKING:
     from eclsim.cases import CaseReading
     from eclsim.cli.destination import Target
-    from eclsim.course.plan import WeaningStep
+    from eclsim.course.weaning import WeaningStep
     from eclsim.goals.result import Reached
 
 
@@ -91,7 +91,7 @@ def _with_case(reading: CaseReading, content: Mapping[str, object]) -> dict[str,
 
 
 def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
-    from eclsim.course.plan import plan_removal
+    from eclsim.course.removal import plan_removal
 
     assert options.remove_ml is not None
     assert options.keep is not None
@@ -106,7 +106,7 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
 
 
 def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
-    from eclsim.course.plan import plan_weaning
+    from eclsim.course.weaning import plan_weaning
 
     speeds = _speeds(options.wean or "")
     with Progress() as progress:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import is_table, read_all, read_table
+from eclsim.cli.cases import is_table, read_all, read_usable_cohort
 from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, warn
 from eclsim.cli.destination import Destinations, explaining_resume, write_json_output
 from eclsim.cli.identify import Prior, fit_settings, free_parameters_text, source_of_mistake
@@ -126,7 +126,7 @@ def _series(
         return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, [], {}
     if len(o.files) > 1:
         fail(f"{tables[0]}: a table cannot be combined with other files; allowed: one table, or case files")
-    reading = read_table(tables[0], mistakes)
+    reading = read_usable_cohort(tables[0], mistakes)
     series: dict[str, list[tuple[str, Case]]] = {}
     lines: dict[str, list[int]] = {}
     for point in reading.points:

@@ -231,11 +231,11 @@ def _notes(result: xr.Dataset) -> list[str]:
     above = untrusted(warnings)
     for sentence in (text for text in warnings if text and text not in above):
         lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
-    return [*lines, *_where_remarks_are(result)]
+    return [*lines, *_place_of_remarks(result)]
 
 
-def _where_remarks_are(result: xr.Dataset) -> list[str]:
-    """Return where the remarks on reading a course stand, for which a figure has no room."""
+def _place_of_remarks(result: xr.Dataset) -> list[str]:
+    """Return a line that names the files with the remarks on a course, for which a figure has no room."""
     count = sum(len(result.attrs.get(kind, ())) for kind in ("approximations", "cautions"))
     if "quantile" in result.dims or not count:
         return []

@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import number_of, written
+from eclsim.cases.sections import POLICIES
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.crrt import Crrt
 from eclsim.devices.device import device_key
-from eclsim.devices.ecmo import BEFORE_OXYGENATOR, BEHIND_OXYGENATOR, ECMO, POSITION_WORDS, PUMPS
+from eclsim.devices.ecmo import BEFORE_OXYGENATOR, BEHIND_OXYGENATOR, ECMO, POSITION_WORDS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
+from eclsim.devices.ecmo_parts import PUMPS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.numbers import suspected_unit
@@ -206,9 +208,7 @@ def _unknown(word: str, known: Sequence[str]) -> str:
 # --- requirements of the study on cases and options -------------------------------------------------
 
 
-AS_PUBLISHED = "as_published"
 BOTH = "both"
-VOLUME_POLICIES = (AS_PUBLISHED, "patient_held")
 DEFAULT_FLOW_ML_MIN = 200.0
 
 
@@ -219,11 +219,9 @@ class StudyError(ValueError):
 def policies_of(volume_policy: str) -> tuple[str, ...]:
     """Return the policies that an option names."""
     if volume_policy == BOTH:
-        return VOLUME_POLICIES
-    if volume_policy not in VOLUME_POLICIES:
-        raise StudyError(
-            f"blood volume policy '{volume_policy}'; allowed: {', '.join((*VOLUME_POLICIES, BOTH))}"
-        )
+        return POLICIES
+    if volume_policy not in POLICIES:
+        raise StudyError(f"blood volume policy '{volume_policy}'; allowed: {', '.join((*POLICIES, BOTH))}")
     return (volume_policy,)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.cases.quantities import as_samples, check_samples
+from eclsim.cases.sections import AS_PUBLISHED
 from eclsim.crrt_study import beats as crrt_datasets
 from eclsim.crrt_study.beats import split_differences, study_circuits, summarise, unsettled
 from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
@@ -23,7 +24,6 @@ from eclsim.crrt_study.ranking import rank
 from eclsim.crrt_study.renox import in_one_housing, without_renox
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
-    AS_PUBLISHED,
     BOTH,
     NINE,
     PUBLISHED,

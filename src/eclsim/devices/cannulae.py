@@ -243,7 +243,7 @@ class SecondCannulae(Section):
     ] = 0.0
 
     @model_serializer(mode="wrap")
-    def _of_what_is_there(self, serialized: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_absent_clamp(self, serialized: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out the open clamp of a second return cannula that is not there."""
         written = serialized(self)
         if self.second_return_site is None and self.second_return_clamp == 0.0:

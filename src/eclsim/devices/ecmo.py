@@ -5,11 +5,13 @@
 
 Sources: Thiel et al. 2025, Figure 1 and Table S-2; pump curves after the method of Boes et al. (2019),
 cannulae and oxygenators from the makers' data sheets, as published with the code of Thiel et al.
+
+Beside this file: its parts and their data sheets (`ecmo_parts`), checks of its section (`ecmo_checks`) and
+findings about its beats (`ecmo_findings`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -29,10 +31,6 @@ from eclsim.devices.cannulae import (
     TWO,
     SecondCannulae,
     cannulae_picker,
-    caution_on_chart,
-    check_lumens,
-    check_second,
-    check_vessels,
     chosen_cannulae,
     fits_line,
     second_controls,
@@ -42,7 +40,6 @@ from eclsim.devices.cannulae import (
 from eclsim.devices.cannulae import LIMITS as SECOND_LIMITS
 from eclsim.devices.cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.devices.description import (
-    CAUTION,
     COLLAPSE_MMHG,
     GASES,
     BeatMeasures,
@@ -70,38 +67,34 @@ from eclsim.devices.description import (
     lowest,
     mean,
     mean_flow,
-    organ_flow,
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
-from eclsim.devices.plausibility import (
-    check_cannula,
-    check_sites,
-    check_speed,
-    ejection_fraction_findings,
-    patient_site,
+from eclsim.devices.ecmo_checks import MIXED_SITE, check_section
+from eclsim.devices.ecmo_findings import beat_findings
+from eclsim.devices.ecmo_parts import (
+    ASSUMED_ML,
+    CLAMPS,
+    GAS_IF_OMITTED,
+    GAS_KEYS,
+    GAS_PARAMETERS,
+    GROUP,
+    LINES,
+    MEMBRANE,
+    OXYGENATORS,
+    PUMPS,
+    ROLLER,
+    SMALLEST_EXHAUST,
+    TUBING,
+    is_clamped,
 )
-from eclsim.devices.products import (
-    LABEL_FLOWS,
-    UNVALIDATED,
-    Membrane,
-    Oxygenator,
-    PumpCurve,
-    beyond_label,
-    by_key,
-    makers_names,
-    pump_values,
-)
+from eclsim.devices.plausibility import patient_site
+from eclsim.devices.products import makers_names, pump_values
 from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, read_name
-from eclsim.parameters.parameter import Bounds, Parameter
-from eclsim.parameters.regulation import REGULATION
-from eclsim.parameters.thiel2025 import circuit_parameters
-from eclsim.patient.anthropometry import body_surface
-from eclsim.patient.sites import ARTERIAL_SITES, DRAINED, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
-from eclsim.units import ML_S_PER_L_MIN
+from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 
 if TYPE_CHECKING:
     from jax import Array
@@ -109,130 +102,6 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Connection, Site
     from eclsim.components import Path
 
-GROUP = "ecmo"
-LINES = ("drainage", "return")
-GAS_KEYS = ("sweep_l_min", "fdo2", "drainage_mixing")
-"""Keys of the section that only gas exchange uses."""
-TUBES = ("ecmotudp", "ecmotupo", "ecmotuor")
-"""Names of the compartments that are tubes."""
-
-# Above these, a cardiac output on V-A ECMO probably includes the pump flow.
-_LARGEST_INDEX = 5.5  # L/min/m^2
-_LARGEST_COMPLIANCE = 5.0  # mL/mmHg, stroke volume per pulse pressure
-
-PUMPS = by_key(
-    (
-        PumpCurve(
-            key="Rotaflow", name="Rotaflow RF-32", use="ECMO", a=1.9583e-5, R1=-0.007545, R2=2.8864,
-            Rrec=4.0256, kinf=0.0016, speed_range_rpm=(1000, 5000),
-            evidence="one bench point in bovine blood, 3000 rpm and 4.2 L/min: 222 mmHg against 250 ± 10",
-        ),
-        PumpCurve(
-            key="DP3", name="DP3", use="ECMO", a=6.5298e-6, R1=-1.9593e-3, R2=4.0802, Rrec=5.0355,
-            kinf=0.0004, speed_range_rpm=(4000, 8000), evidence=UNVALIDATED,
-        ),
-    )
-)  # fmt: skip
-"""Rotary pumps by key (the name in case files)."""
-ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
-"""Key of a roller pump's table, `pump = { roller_l_min = 4.0 }`."""
-
-_LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.09, 4.66), Membrane(5.0, 0.0853, 3.37)
-"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 76 and 450 mL/min and a PO2 behind it of 376
-and 120 mmHg at 1 and 7 L/min, and 5/7 of it at 5 L/min (0.09 (5/7)^0.16). Carbon dioxide, scaled by area: the
-amounts removed at 1 and 7 L/min from blood that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59
-mL/min from 45 mmHg and 64 were measured. With a rating of 95 % saturation behind them they would transfer 346
-mL/min of oxygen."""
-OXYGENATORS = by_key(
-    (
-        Oxygenator(
-            key="Quadrox-i Adult", resistance=0.6744, priming_volume_ml=335.0, label_flow_l_min=(0.5, 7.0),
-            evidence=_LABEL, membrane=_LARGE_MEMBRANE,
-        ),
-        Oxygenator(
-            key="Quadrox-i Small Adult", resistance=0.5174, priming_volume_ml=295.0,
-            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_SMALL_MEMBRANE,
-        ),
-        Oxygenator(
-            key="Nautilus MC3", resistance=0.6312, priming_volume_ml=None, label_flow_l_min=None,
-            evidence=UNVALIDATED, membrane=_LARGE_MEMBRANE,
-        ),
-    )
-)  # fmt: skip
-"""Oxygenators by key (the name in case files)."""
-ASSUMED_ML = OXYGENATORS["Quadrox-i Adult"].priming_volume_ml or math.nan
-"""Blood volume assumed for an oxygenator without a published one [mL]."""
-
-_R, _C = "mmHg s/mL", "mL/mmHg"
-TUBING = circuit_parameters(
-    GROUP, "S-2",
-    (
-        ("Decmotudp", 0.9625, "cm", "Diameter of tubing drainage - pump (3/8 inch)", 0.2, 2.5, "installed"),
-        ("Lecmotudp", 200.0, "cm", "Length of tubing drainage - pump", 1.0, 1000.0, "installed"),
-        ("Decmotupo", 0.9625, "cm", "Diameter of tubing pump - oxygenator (3/8 inch)", 0.2, 2.5, "installed"),
-        ("Lecmotupo", 20.0, "cm", "Length of tubing pump - oxygenator", 1.0, 1000.0, "installed"),
-        (
-            "Decmotuor", 0.9625, "cm", "Diameter of tubing oxygenator - return (3/8 inch)", 0.2, 2.5,
-            "installed",
-        ),
-        ("Lecmotuor", 200.0, "cm", "Length of tubing oxygenator - return", 1.0, 1000.0, "installed"),
-        ("Recmooxy", 0.6744, _R, "Resistance of oxygenator", 0.01, 5.0, "data sheet, taken as linear"),
-        ("Cecmodrain", 0.1, _C, "Compliance of drainage cannula", 1e-4, 5.0, "assumed"),
-        ("Cecmotudp", 0.1, _C, "Compliance of tubing drainage - pump", 1e-4, 5.0, "assumed"),
-        ("Cecmotupo", 0.1, _C, "Compliance of tubing pump - oxygenator", 1e-4, 5.0, "assumed"),
-        ("Cecmooxy", 0.008, _C, "Compliance of oxygenator", 1e-4, 5.0, "assumed"),
-        ("Cecmotuor", 0.1, _C, "Compliance of tubing oxygenator - return", 1e-4, 5.0, "assumed"),
-        ("Cecmoreturn", 0.1, _C, "Compliance of return cannula", 1e-4, 5.0, "assumed"),
-    ),
-)  # fmt: skip
-_VASLEF = "form of Vaslef et al. 1994 (ASAIO J 40:990); default for 1.8 m2"
-_FITTED = "fitted to Khadka et al. 2024 (doi 10.5772/intechopen.1006540)"
-GAS_PARAMETERS = (
-    Parameter(
-        "ecmo.sweep_l_min", 4.0, "L/min", "Sweep gas of the oxygenator; 0: it exchanges nothing",
-        "setting", 0.0, 20.0, GROUP, clipped=True,
-    ),
-    Parameter(
-        "ecmo.fdo2", 1.0, "1", "Fraction of oxygen in the sweep gas", "setting", 0.21, 1.0, GROUP,
-        half_width=0.25, clipped=True,
-    ),
-    Parameter(
-        "ecmo.drainage_mixing", 1.0, "1",
-        "Where drainage and return share a compartment: 1, its blood is drained; 0, that of its veins",
-        "assumed; recirculation is m Qe / (CO + m Qe): medians of 9, 18 and 28 % mean 0.14, 0.32, 0.58",
-        0.0, 1.0, GROUP, Bounds(0.5, 0.0, 1.0), 0.25, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.oxygen_transfer", 0.09, "mL/min/mmHg",
-        "Oxygen transfer of the oxygenator's membrane at 1 L/min", f"{_VASLEF}; {_FITTED}",
-        0.001, 1.0, GROUP, Bounds(0.09, 0.009, 0.9), clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.oxygen_exponent", 0.84, "1", "Exponent of blood flow in the oxygen transfer",
-        f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.carbon_dioxide_transfer", 4.66, "mL/min/mmHg",
-        "Carbon dioxide transfer of the oxygenator's membrane at 1 L/min",
-        "64 and 648 mL/min at 1 and 7 L/min, 1 and 35 L/min of gas (Khadka et al. 2024), by membrane area",
-        0.1, 50.0, GROUP, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.clotted_fraction", 0.0, "1", "Share of the oxygenator's membrane that is clotted",
-        "0 when new", 0.0, 0.99, GROUP, Bounds(0.2, 0.0, 0.99), 0.25, clipped=True,
-    ),
-)  # fmt: skip
-"""Sweep gas, recirculation, membrane; the first three are keys of the section. Bounds are wide on purpose."""
-MEMBRANE = (
-    "ecmo.oxygenator.oxygen_transfer", "ecmo.oxygenator.oxygen_exponent",
-    "ecmo.oxygenator.carbon_dioxide_transfer", "ecmo.oxygenator.clotted_fraction",
-    "ecmo.sweep_l_min", "ecmo.fdo2",
-)  # fmt: skip
-"""Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
-
-SMALLEST_EXHAUST = 1.0
-"""Flow of exhaust gas of an oxygenator [mL/min STPD] below which its partial pressures are not computed."""
 SUCTION_MMHG = -100.0
 """Drainage pressure [mmHg] below which suction of the vessel wall and haemolysis are likely."""
 _ELSO = "ELSO General Guidelines 2017"
@@ -241,9 +110,9 @@ _PRESSURES_BEHIND_PUMP = (
     "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure", "return_cannula_pressure",
 )  # fmt: skip
 """Outputs of pressures downstream of the pump."""
-LEFT_SIDE = ("PCWP", "EDVLV", "ESVLV", "left_atrial_pressure", "end_diastolic_pressure_lv")
-"""Outputs that do not reproduce left ventricular distension by a pump that returns to the arteries."""
 
+TUBES = ("ecmotudp", "ecmotupo", "ecmotuor")
+"""Names of the compartments that are tubes."""
 POSITIONS = {
     "post_dc": "ecmodrain",
     "pre_pump": "ecmotudp",
@@ -272,19 +141,7 @@ _DUAL_LUMEN_SITES = {"protek": ("ra", "pas")}
 """Sites of drainage and return of dual-lumen cannulae that do not return to the vein they drain."""
 _USUAL_MIXING = {"dual": 0.15, "two": 0.33}
 """Mixing of the median recirculation with dual-lumen (9 %) and femoro-jugular cannulae (18 %)."""
-MIXED_SITE = "ra"
-"""Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
-_GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
-LEAST_EJECTED_L_MIN, DESATURATED_PERCENT = 0.3, 90.0
-"""Output of the heart from which, and its saturation below which, a caution names differential hypoxaemia."""
-USUAL_PO2 = 60.0
-"""PO2 of such blood, of which little is dissolved [mmHg]."""
-SMALLEST_EXCESS_L_MIN = 0.1
-"""Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
-_CIRCUIT_GASES = ("SpreO2", "SpostO2", "PpostO2", "PpostCO2", "PexhaustCO2", "recirculation_fraction")
-RETURN_CLAMP = "return_clamp"
-CLAMPS = (RETURN_CLAMP, "drainage_clamp")
-_IF_OMITTED = {"drainage_mixing": 1.0, **dict.fromkeys(CLAMPS, 0.0)}
+_IF_OMITTED = {"drainage_mixing": GAS_IF_OMITTED["drainage_mixing"], **dict.fromkeys(CLAMPS, 0.0)}
 """Values shown by the knobs of keys that a case leaves out."""
 _MODES = {"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"}
 
@@ -400,7 +257,7 @@ class Ecmo(SecondCannulae):
 
 def _gas_setting(section: Ecmo, name: str) -> float:
     value = getattr(section, name)
-    return section.parameters[f"{GROUP}.{name}"].value if value is None else value
+    return GAS_IF_OMITTED[name] if value is None else value
 
 
 def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
@@ -905,24 +762,7 @@ class EcmoDevice(Device[Ecmo]):
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Check sites, mode, cannulae, speed, gas settings and measured flows."""
-        if values.get("return_site") in VENOUS_SITES and "gas" not in case.physiology:
-            check_sites(key, values, "drainage_site", "return_site", remarks, "; in a vein only with [gas]")
-        elif not _shares_a_vein(values, case):
-            check_sites(key, values, "drainage_site", "return_site", remarks)
-        _check_mode(values, key, remarks)
-        for line in LINES:
-            kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
-            if kind is not None and size is not None:
-                check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
-        check_vessels(key, values, remarks)
-        check_lumens(key, values, remarks)
-        check_second(key, values, remarks)
-        check_speed(key, values, PUMPS, remarks)
-        _check_gases(values, case, key, remarks)
-        single = len(case.of(self.key)) == 1
-        _check_pump_flow(values, case.measurements if single else {}, key, remarks)
-        if single:
-            _check_native_output(values, case, remarks)
+        check_section(values, case, key, remarks)
 
     def held_back(self, names: Naming, values: Mapping[str, float]) -> str:
         """The clamp on the return line, before which the pump holds blood."""
@@ -946,16 +786,7 @@ class EcmoDevice(Device[Ecmo]):
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """Findings on flow outside the label, exhausted sweep gas, recirculation, reading of ventricles."""
-        return [
-            *_outside_label(names, outputs, values),
-            *_standing_blood(names, outputs),
-            *_without_exhaust_gas(names, outputs, values),
-            *_more_than_venous_return(names, outputs, circuit),
-            *_caution_on_left_ventricle(names, outputs, circuit),
-            *_caution_on_mixed_artery(names, outputs, circuit, values),
-            *caution_on_chart(names, outputs, circuit),
-            *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
-        ]
+        return beat_findings(names, outputs, circuit, values)
 
 
 _CLOTTING = (
@@ -986,342 +817,6 @@ def _with_mixing(raw: dict[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in raw.items() if name != "drainage_mixing"}
     is_dual = chosen_cannulae(raw["drainage_cannula"], raw["return_cannula"]) in DUAL_LUMEN
     return {"drainage_mixing": _USUAL_MIXING["dual" if is_dual else "two"], **raw}
-
-
-def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
-    """Whether the return line of a circuit is at least partly clamped."""
-    return values.get(names.parameter(f"ecmo.{RETURN_CLAMP}"), 0.0) > 0.0
-
-
-def is_closed(names: Naming, values: Mapping[str, float]) -> bool:
-    """Whether a line of a circuit is clamped off, so that its blood is meant to stand still."""
-    return any(values.get(names.parameter(f"ecmo.{clamp}"), 0.0) >= 1.0 for clamp in CLAMPS)
-
-
-def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Warning for a flow outside the oxygenator's label; not for backward flow or a circuit clamped off."""
-    name = names.output("PF")
-    flow = outputs.get(name, -1.0)
-    low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
-    held = flow < low and is_closed(names, values)
-    end = beyond_label(flow, low, high) if flow >= BACKWARD_L_MIN and not held else None
-    if end is None:
-        return []
-    sentence = (
-        f"{names.label} flow {flow:.3g} L/min is {'below' if end == low else 'above'} {end:g} L/min: outside "
-        f"the label of its oxygenator, {low:g} to {high:g} L/min"
-    )
-    if values.get(names.parameter("ecmo.speed_rpm")) == 0.0:
-        sentence = (
-            f"the pump of the {names.label} stands still, and {max(flow, 0.0):.2f} L/min pass its "
-            "oxygenator: it hardly supplies the patient, and blood that stands in it clots (not modelled): "
-            "raise the speed, or clamp it"
-        )
-    return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
-
-
-def _standing_blood(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
-    """Caution on blood gases in a circuit in which blood hardly moves: they say nothing of the patient."""
-    flow = outputs.get(names.output("PF"), math.nan)
-    concerns = [name for one in _CIRCUIT_GASES if (name := names.output(one)) in outputs]
-    if not concerns or not abs(flow) < -BACKWARD_L_MIN:
-        return []
-    text = (
-        f"blood stands in the {names.label} circuit: before and behind the oxygenator it has met the sweep "
-        "gas for a long time, and its gases reach nobody"
-    )
-    return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]
-
-
-def _without_exhaust_gas(
-    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
-) -> list[Finding]:
-    """Caution if blood takes up nearly all of the sweep gas, so that carbon dioxide is not removed."""
-    gained, removed = (outputs.get(names.output(name)) for name in ("VO2_oxygenator", "VCO2_oxygenator"))
-    sweep = values.get(names.parameter("ecmo.sweep_l_min"), 0.0)
-    if gained is None or removed is None:
-        return []
-    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP_SHARE
-
-    brought = 1000.0 * FLOWMETER_TO_STPD * sweep
-    left = brought - gained + removed
-    used_up = left < max(USED_UP_SHARE * brought, SMALLEST_EXHAUST)
-    if not (gained > 0.5 * brought > SMALLEST_EXHAUST and used_up):
-        return []
-    text = (
-        f"the blood of the {names.label} takes up nearly all of its sweep gas ({gained:.0f} of "
-        f"{brought:.0f} mL/min STPD): hardly any leaves the oxygenator, which removes "
-        f"{max(removed, 0.0):.0f} mL/min of carbon dioxide; raise the sweep"
-    )
-    concerned = ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
-    concerns = tuple(map(names.output, concerned))
-    return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
-
-
-def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it."""
-    flow, organs = outputs.get(name := names.output("PF")), organ_flow(outputs)
-    output = outputs.get("CO") if organs is None else organs
-    sites = [(c.source, c.target) for c in circuit.connections if c.group == names.key]
-    own = {c.name for c in circuit.compartments if c.group == names.key}
-    outer = {site for ends in sites for site in ends} - own
-    if flow is None or output is None or not outer or not outer <= _GREAT_VEINS:
-        return []
-    again = flow - output
-    if not again > SMALLEST_EXCESS_L_MIN:
-        return []
-    text = (
-        f"the {names.label} drains {flow:.2f} L/min, but only {output:.2f} L/min come back from the "
-        f"body: at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
-        "(recirculation) and supply nobody with oxygen; lower the flow"
-    )
-    concerns = (one for one in (name, names.output("recirculation_fraction")) if one in outputs)
-    return [Finding.without_limit(CAUTION, name, flow, text, *concerns)]
-
-
-def _caution_on_left_ventricle(
-    names: Naming, outputs: Mapping[str, float], circuit: Circuit
-) -> list[Finding]:
-    """Caution that left ventricular distension is not reproduced if a pump returns blood to arteries."""
-    back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
-    returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
-    if not returns or "EDVLV" not in outputs:
-        return []
-    text = (
-        f"{names.label} returns to the arteries: do not read distension or unloading of the left "
-        f"ventricle off EDVLV, LVEDP and PCWP; {_reason_for_left_ventricle(circuit)}"
-    )
-    concerns = (name for name in LEFT_SIDE if name in outputs)
-    return [Finding.without_limit(CAUTION, "EDVLV", outputs["EDVLV"], text, *concerns)]
-
-
-def _caution_on_mixed_artery(
-    names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
-) -> list[Finding]:
-    """Caution that desaturated blood of the heart is not seen where the pump's blood mixes with all of it."""
-    back = {c.target for c in circuit.connections if c.name == names.place("ecmoreturn")}
-    divided = any(c.name == "upper" for c in circuit.compartments)
-    if "SaO2" not in outputs or not back & ({"ao", "arch"} if divided else set(ARTERIAL_SITES)):
-        return []
-    lungs = _saturation_of_the_heart(names, outputs, values)
-    if not lungs < DESATURATED_PERCENT:
-        return []
-    place = (
-        "the pump returns to the ascending aorta (central cannulation)"
-        if divided
-        else "one artery holds the blood of pump and heart, mixed"
-    )
-    ways = ("" if divided else "[physiology] regional = true and ") + 'ecmo.return_site = "lower"'
-    text = (
-        f"{place}: SaO2 {outputs['SaO2']:.0f} % is not that of a patient with femoral return, whose heart, "
-        f"brain and right hand first get what the heart ejects, {outputs['LVO']:.1f} L/min of about "
-        f"{max(lungs, 0.0):.0f} % (differential hypoxaemia); {ways} shows it"
-    )
-    concerns = [name for name in ("SaO2", "PaO2", "SaO2_lower", "PaO2_lower") if name in outputs]
-    return [Finding.without_limit(CAUTION, "SaO2", outputs["SaO2"], text, *concerns)]
-
-
-def _saturation_of_the_heart(
-    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
-) -> float:
-    """Saturation [%] of the blood that the heart ejects, from the oxygen of its mixture with the pump's.
-
-    NaN if the heart ejects next to nothing, or gases are not known.
-    """
-    from eclsim.blood.standard import OXYGEN_SOLUBILITY
-    from eclsim.components.exchangers import HAEMOGLOBIN, OXYGEN_CAPACITY
-
-    own = [names.output(name) for name in ("SreturnO2", "PpostO2", "PF")]
-    known = [outputs.get(name, math.nan) for name in ("SaO2", "PaO2", *own, "LVO")]
-    mixed, mixed_po2, pumped, pumped_po2, flow, ejected = known
-    if not ejected > LEAST_EJECTED_L_MIN:
-        return math.nan
-    dissolved = 100.0 * OXYGEN_SOLUBILITY / (values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN])
-    excess = pumped - mixed + dissolved * (pumped_po2 - mixed_po2)
-    return mixed + dissolved * (mixed_po2 - USUAL_PO2) - flow * excess / ejected
-
-
-def _reason_for_left_ventricle(circuit: Circuit) -> str:
-    """Reason why left ventricular filling on V-A ECMO differs from that of patients."""
-    there = {
-        "reflexes": any(c.name == REGULATION for c in circuit.controllers),
-        "bronchial return": any(c.name == "bronchial" for c in circuit.connections),
-    }
-    missing = " and ".join(name for name, known in there.items() if not known)
-    if not missing:
-        return "they depend on what is held while the flow changes (volume, tone); not validated in patients"
-    return (
-        f"without {missing} they follow filling alone (with pump flow they rise in a well-filled patient "
-        "and fall in a poorly filled one), whereas patients' ventricles distend"
-    )
-
-
-def _shares_a_vein(values: Raw, case: CaseValues) -> bool:
-    """Whether drainage and return share a venous compartment in a case with gas exchange (recirculation)."""
-    site = values.get("return_site")
-    return "gas" in case.physiology and site in VENOUS_SITES and values.get("drainage_site") == site
-
-
-def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-    """Warn of gas settings without effect if there is no [gas]; otherwise report assumed values."""
-    with_gas = "gas" in case.physiology
-    for name in GAS_KEYS:
-        if name in values and not with_gas:
-            message = "without effect: gases are computed only if the case has a [gas] section"
-            remarks.warning(f"{key}.{name}", message, shown(values[name]))
-    if with_gas and "sweep_l_min" not in values:
-        assumed = Ecmo.parameters["ecmo.sweep_l_min"].value
-        remarks.note(f"{key}.sweep_l_min", f"left out, so assumed: {assumed:g} L/min")
-    product = OXYGENATORS.get(values.get("oxygenator", ""))
-    if with_gas and product is not None and product.priming_volume_ml is None:
-        message = (
-            f"its blood volume is not known: {ASSUMED_ML:g} mL, that of a Quadrox-i Adult, is assumed where "
-            "a course follows gases beat by beat"
-        )
-        remarks.note(f"{key}.oxygenator", message, shown(product.key))
-    if with_gas:
-        _check_recirculation(values, key, remarks)
-
-
-def _check_recirculation(values: Raw, key: str, remarks: Remarks) -> None:
-    """Say where drained and returned blood meet in no compartment, so that their mixing has no effect."""
-    drained, returned = values.get("drainage_site"), values.get("return_site")
-    if drained is None or returned is None or drained in (returned, values.get("second_return_site")):
-        return
-    apart = f"drainage ({shown(drained)}) and return ({shown(returned)}) share no compartment"
-    mixing = values.get("drainage_mixing", _IF_OMITTED["drainage_mixing"])
-    in_veins = drained in VENOUS_SITES and returned in VENOUS_SITES
-    if mixing != _IF_OMITTED["drainage_mixing"]:
-        advice = f': to state recirculation, write drainage_site and return_site = "{MIXED_SITE}"'
-        message = f"without effect: {apart}{advice if in_veins else ''}"
-        remarks.warning(f"{key}.drainage_mixing", message, shown(mixing))
-    elif in_veins:
-        message = (
-            f"{apart}, so only blood that flows back between them recirculates, whatever the cannulae, and "
-            "the more the higher the flow: to state recirculation (with usual cannulae, 9 to 28 % at 4 L/min "
-            f'were measured), write "{MIXED_SITE}" for both sites, and drainage_mixing'
-        )
-        remarks.note(f"{key}.drainage_site", message)
-
-
-def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:
-    mode, site = values.get("mode"), values.get("return_site")
-    if mode is None or site is None:
-        return
-    if site in (VENOUS_SITES if mode == "VA" else ARTERIAL_SITES):
-        message = f"contradicts return_site = {shown(site)} ({PATIENT_SITES[site]})"
-        other = "VV" if mode == "VA" else "VA"
-        allowed = f'mode = "{other}", another return_site, or no mode: the sites then decide'
-        remarks.error(f"{key}.mode", message, shown(mode), allowed)
-
-
-def _check_pump_flow(values: Raw, measured: Raw, section: str, remarks: Remarks) -> None:
-    """Compare the measured or set pump flow with the oxygenator's label and the pump's speed."""
-    pump, flow, key = values.get("pump"), measured.get("PF"), "measurements.PF"
-    if isinstance(pump, dict):
-        rate = pump["roller_l_min"]
-        if flow is not None and abs(flow - rate) > max(0.3, 0.2 * flow):
-            remarks.warning(key, f"the roller pump is set to {rate:g} L/min", shown(flow))
-        key, flow = f"{section}.pump", rate
-    if flow is None:
-        return
-    oxygenator = OXYGENATORS.get(values.get("oxygenator", ""))
-    if oxygenator is not None and (warning := oxygenator.label_warning(flow)):
-        remarks.warning(key, warning, shown(flow))
-    expected = _expected_flow(values, measured) if isinstance(pump, str) else None
-    if expected is not None and not 0.4 * expected <= flow <= 1.6 * expected + 0.5:
-        message = f"implausible at {values['speed_rpm']:g} rpm, which gives about {expected:.1f} L/min"
-        remarks.warning(key, message, shown(flow))
-
-
-def _expected_flow(values: Raw, measured: Raw) -> float | None:
-    """Steady flow [L/min], 0 or more, at which the pump's head equals the circuit's pressure drop."""
-    lines = (f"{line}_{what}" for line in LINES for what in ("cannula", "fr"))
-    needed = ("pump", "speed_rpm", "oxygenator", *lines)
-    if any(name not in values for name in needed) or not values["speed_rpm"]:
-        return None
-    pump, oxygenator = PUMPS[values["pump"]], OXYGENATORS[values["oxygenator"]]
-    arterial = values.get("return_site") in (*ARTERIAL_SITES, "lv")
-    afterload = measured.get("MAP", 75.0) - 5.0 if arterial else 0.0
-
-    def surplus(flow: float) -> float:
-        drop = oxygenator.resistance * flow * ML_S_PER_L_MIN + _tubing_drop_mmhg(flow)
-        for line in LINES:
-            drop += CANNULAE[values[f"{line}_cannula"]].pressure_drop_mmhg(values[f"{line}_fr"], flow)
-        return pump.head_mmhg(values["speed_rpm"], flow) - drop - afterload
-
-    low, high = 0.0, 15.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if surplus(middle) > 0 else (low, middle)
-    return low
-
-
-def _tubing_drop_mmhg(flow_l_min: float) -> float:
-    """Laminar pressure drop [mmHg] of the tubing at a flow [L/min], about 4 per 100 cm and L/min."""
-    length_cm = sum(parameter.value for parameter in TUBING if parameter.key.startswith("Lecmotu"))
-    return 0.0179 * length_cm * flow_l_min
-
-
-def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> None:
-    """Compare a measured CO, read as native output through the lungs, with the pump flow."""
-    output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
-    if output is None or pump_flow is None:
-        return
-    added = _adds_to_native_output(values, case)
-    if added is None:
-        return
-    if not added:
-        if output < pump_flow:
-            message = (
-                f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is the "
-                "whole flow of the body, and the pump would drain blood that it has just returned"
-            )
-            remarks.warning("measurements.CO", message, shown(output))
-        return
-    message = "is read as the native output, through the lungs; "
-    if reason := _reason_for_total_output(case, output, pump_flow):
-        hint = f"CO = {output - pump_flow:.3g}, a total minus the pump flow {pump_flow:g} L/min"
-        remarks.warning("measurements.CO", message + reason, shown(output), hint)
-    else:
-        message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
-        remarks.note("measurements.CO", message, shown(output))
-
-
-def _adds_to_native_output(values: Raw, case: CaseValues) -> bool | None:
-    """Whether the pump flow adds to CO in supplying the organs or is part of it; None if it is mixed."""
-    drained, given = ({values.get(f"{n}{line}_site") for n in ("", "second_")} - {None} for line in LINES)
-    if case.of("vent") or drained & {*ARTERIAL_SITES, *LEFT_HEART}:
-        return None
-    behind = {site in (*ARTERIAL_SITES, *LEFT_HEART, "part") for site in given}
-    return behind.pop() if len(behind) == 1 else None
-
-
-def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) -> str:
-    """Reason why a CO on V-A ECMO probably includes the pump flow (it then exceeds it), or ""."""
-    if output <= pump_flow:
-        return ""
-    height, weight = case.patient.get("height_cm"), case.patient.get("weight_kg")
-    if height is not None and weight is not None:
-        index = (output + pump_flow) / body_surface(height, weight)
-        if index > _LARGEST_INDEX:
-            return (
-                f"with the pump flow {pump_flow:g} L/min the organs would get {output + pump_flow:.3g} "
-                f"L/min, {index:.1f} L/min/m^2; values above {_LARGEST_INDEX:g} are hardly ever seen"
-            )
-    systolic, diastolic = case.measurements.get("SP"), case.measurements.get("DP")
-    rate = case.patient.get("heart_rate_bpm")
-    if systolic is None or diastolic is None or not rate or systolic <= diastolic:
-        return ""
-    stroke = output * ML_S_PER_L_MIN * 60.0 / rate
-    compliance = stroke / (systolic - diastolic)
-    if compliance <= _LARGEST_COMPLIANCE:
-        return ""
-    return (
-        f"a stroke volume of {stroke:.0f} mL with a pulse pressure of {systolic - diastolic:g} mmHg means "
-        f"an arterial compliance of {compliance:.1f} mL/mmHg; 1 to 2 is usual, and values above "
-        f"{_LARGEST_COMPLIANCE:g} are hardly ever seen"
-    )
 
 
 ECMO = EcmoDevice()

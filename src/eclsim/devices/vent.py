@@ -3,7 +3,7 @@
     lv | la | pas --(cannula)--> post_dc of the ECMO circuit
 
 It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. At 15 Fr it is the arterial cannula
-of `eclsim.devices.ecmo.CANNULAE`; other sizes are orifices with a flow proportional to the squared diameter.
+of `eclsim.devices.cannulae`; other sizes are orifices with a flow proportional to the squared diameter.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.cannulae import BACKWARD_L_MIN
+from eclsim.devices.cannulae import BACKWARD_L_MIN, CANNULAE
 from eclsim.devices.description import Control, Finding, Knob, Limit, Look, Mark, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.ecmo import CANNULAE
 from eclsim.devices.plausibility import ejection_fraction_findings
 from eclsim.inputs.fields import number, one_of
 from eclsim.inputs.mistakes import Remarks

@@ -14,7 +14,7 @@ from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
-from eclsim.devices.ecmo import is_closed
+from eclsim.devices.ecmo_parts import is_closed
 from eclsim.devices.products import LABEL_FLOWS
 from eclsim.devices.registry import named_output, parameter_of
 from eclsim.inputs.mistakes import CaseError, ListedError

@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from eclsim._version import __version__
-from eclsim.cases.cohort import read_table
 from eclsim.cases.fit_mark import DOUBTS, POSTERIOR
 from eclsim.cases.quantities import quantity
+from eclsim.cases.table import read_text_table
 from eclsim.devices.registry import parameters
 from eclsim.files import ORIGIN, csv_text, write_text
 from eclsim.identification.quantities import unit_of, unit_of_parameter
@@ -35,6 +35,7 @@ ARVIZ_NAMES = {
     "jumped": "jumped", "saturated": "reached_max_treedepth",
 }  # fmt: skip
 """The sampler's statistics and their names in ArviZ; `lp` is minus the potential, without constants."""
+_NO_SAMPLES = "no samples; needed: a header of parameter names and a row for each sample"
 
 
 def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
@@ -280,7 +281,7 @@ def _about(path: Path) -> dict[str, Any]:
         points = json.loads(attributes.get("set_points", "{}"))
         doubts = (attributes.get("doubts", ""),)
         return {**usual, "trusted": False, **attributes, "doubts": doubts, "set_points": points}
-    if DOUBTS in (table := read_table(path)).header:
+    if DOUBTS in (table := read_text_table(path, missing=_NO_SAMPLES)).header:
         column = table.header.index(DOUBTS)
         usual["doubts"] = tuple(dict.fromkeys(cells[column] for _, cells in table.rows))
     summary = path.with_name("posterior.json")
@@ -298,10 +299,9 @@ _Rows = Sequence[tuple[int, Sequence[str]]]
 def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
     """Return header, rows with their line numbers, and mistakes of a table."""
     try:
-        table = read_table(path)
+        table = read_text_table(path, missing=_NO_SAMPLES)
     except CaseError as error:
-        needed = "no samples; needed: a header of parameter names and a row for each sample"
-        raise SamplesError(str(error).replace("no patients", needed)) from None
+        raise SamplesError(str(error)) from None
     return table.header, table.rows, [str(mistake) for mistake in table.mistakes]
 
 

@@ -7,6 +7,7 @@ import re
 import sys
 from typing import TypeGuard
 
+from eclsim.files import NUMBER
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Mistake, NumberAsWritten
 from eclsim.units import convert, equation, known_unit, quantity_of, unit_in_words, units_of
@@ -14,7 +15,6 @@ from eclsim.units import convert, equation, known_unit, quantity_of, unit_in_wor
 _MISSING = frozenset(
     {"", "na", "n/a", "#n/a", "#nv", "#n/d", "nan", "-", "--", ".", "?", "none", "null", "missing"}
 )
-NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")

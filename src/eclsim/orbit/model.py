@@ -14,7 +14,7 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.case import Case
 from eclsim.cases.reading import CaseReading, as_file, read_case
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
-from eclsim.cases.sections import POLICY_KEY
+from eclsim.cases.sections import AS_PUBLISHED, PATIENT_HELD, POLICY_KEY
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.own_laws import mistakes_of_own_laws
 from eclsim.devices.device import DeviceError
@@ -27,13 +27,8 @@ CaseSource: TypeAlias = "str | os.PathLike[str] | CaseReading | Case"
 """Case argument of functions: the path of a case file, the result of `read_case`, or the case itself."""
 ModelSource: TypeAlias = "CaseSource | Model"
 VolumePolicy = Literal["as_published", "patient_held"]
-AS_PUBLISHED = "as_published"
-PATIENT_HELD = "patient_held"
 CASE = "case"
 """Attribute of a result that holds its case as JSON text (`case_record`)."""
-POLICIES = (AS_PUBLISHED, PATIENT_HELD)
-"""Source of the blood in extracorporeal circuits: the patient (as in the published code) or a priming volume,
-so that the patient keeps the stressed volume of the start."""
 POLICY_WORDS = {
     AS_PUBLISHED: "as published: the patient's own blood fills the circuits",
     PATIENT_HELD: "patient's volume held: the circuits are primed",

@@ -16,13 +16,14 @@ from eclsim.beat.grid import (
     resolution_of_one,
 )
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
+from eclsim.cases.sections import AS_PUBLISHED, POLICIES
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Volume, by_broyden_only
 from eclsim.orbit.execution import Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
-from eclsim.orbit.model import AS_PUBLISHED, POLICIES, Model, nominal_values
+from eclsim.orbit.model import Model, nominal_values
 from eclsim.orbit.search import anchor_at, inverse_at, solve_orbits
 from eclsim.orbit.status import Status
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from eclsim.cases.case import Case
 from eclsim.cases.resolve import blood_volume_ml, resolve_parameters
+from eclsim.circuit.network import BLOOD_VOLUME, HEART_RATE
 from eclsim.crrt_study.beats import SUMMARISED, study_circuits, summarise, value
 from eclsim.crrt_study.limits import LIMITS
 from eclsim.crrt_study.schemes import select_schemes
@@ -41,8 +42,6 @@ from eclsim.parameters.thiel2025 import TABLE_S4
 if TYPE_CHECKING:
     import xarray as xr
 
-BLOOD_VOLUME = "total_blood_volume_ml"
-HEART_RATE = "heart_rate_bpm"
 VOLUMES_ML = np.linspace(3000.0, 3600.0, 5)
 RATES_BPM = np.array([85.0, 100.0, 115.0, 130.0, 145.0])
 MODEL_TOLERANCE = 0.001

@@ -8,11 +8,11 @@ index and weight that the same code uses.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 from eclsim.files import read_table
+from eclsim.parameters.adult_ranges import Sex
 
-Sex = Literal["female", "male"]
 SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
 """Names of the patient's height and weight among the values of a case, if gases are computed."""
 AGE = "patient.age_years"

@@ -275,7 +275,7 @@ def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: flo
 
 
 def _beside_neighbour(page: Layout, site: str, channel: float, inwards: float, earlier: int) -> float:
-    """Where a line goes down to a box: in its channel, or between the box and a neighbour that covers this."""
+    """Where a line goes down to a box: in its channel, or between the box and a neighbour there."""
     x, y = page.places[site]
     half = BOX_WIDTH / 2
     for other, height in page.places.values():

@@ -18,7 +18,8 @@ from scipy.optimize import fsolve
 from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_saturation
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import FLOWMETER_TO_STPD, TEMPERATURE, Tissue, stpd_of_btps
-from eclsim.devices.ecmo import ECMO, OXYGENATORS
+from eclsim.devices.ecmo import ECMO
+from eclsim.devices.ecmo_parts import OXYGENATORS
 from eclsim.devices.registry import find_parameter
 from eclsim.files import read_table
 from eclsim.orbit.model import Model, model_of

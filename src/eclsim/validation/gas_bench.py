@@ -24,7 +24,8 @@ from eclsim.cases.reading import read_mapping
 from eclsim.components.base import Values
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
 from eclsim.course.course import course
-from eclsim.devices.ecmo import ECMO, MEMBRANE, OXYGENATORS
+from eclsim.devices.ecmo import ECMO
+from eclsim.devices.ecmo_parts import MEMBRANE, OXYGENATORS
 from eclsim.devices.registry import parameters
 from eclsim.gas.steady import GasState, solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures

@@ -14,7 +14,9 @@ import xarray as xr
 
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices import lvad
-from eclsim.devices.ecmo import CANNULAE, ECMO, PUMPS, RollerPump
+from eclsim.devices.cannulae import CANNULAE
+from eclsim.devices.ecmo import ECMO, RollerPump
+from eclsim.devices.ecmo_parts import PUMPS
 from eclsim.files import read_table
 from eclsim.orbit.model import AS_PUBLISHED, model_of
 from eclsim.outputs.registry import output

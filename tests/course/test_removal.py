@@ -1,4 +1,4 @@
-"""Plans: the fastest removal that keeps goals, and weaning step by step."""
+"""Removal of fluid: the fastest rate that keeps goals, and what comes after it."""
 
 import math
 
@@ -7,29 +7,26 @@ import pytest
 import xarray as xr
 
 from eclsim.cases import read_case
-from eclsim.cases.reading import read_mapping
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course, follow
 from eclsim.course.handover import EarlyStop
-from eclsim.course.plan import (
+from eclsim.course.removal import (
     ULTRAFILTRATION,
     BrokenGoal,
     Removal,
-    _bracketing_rates,
-    _broken_goals,
-    _fastest,
-    _first_rates,
-    _removal_courses,
-    _removal_result,
-    _with_afterwards,
+    bracketing_rates,
+    fastest_rate,
+    first_broken_goals,
+    first_rates,
     plan_removal,
-    plan_weaning,
+    removal_courses,
+    removal_result,
+    with_afterwards,
 )
-from eclsim.course.timeline import Change, Timeline, case_with_settings
+from eclsim.course.timeline import Timeline, case_with_settings
 from eclsim.devices.renox import Renox
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
-from eclsim.simulation.single import simulate
 from small_patient import ON_ECMO
 
 
@@ -89,10 +86,10 @@ def test_a_goal_whose_output_has_no_value_is_not_kept():
         {"DO2": ("time_min", [450.0, np.nan, 440.0]), "status": status}, {"time_min": [0.0, 1.0, 2.0]},
         {"converged": True, "message": ""},
     )  # fmt: skip
-    (only,) = _broken_goals(goals, result)
+    (only,) = first_broken_goals(goals, result)
     assert (only.goal, only.at_min) == ("no value of DO2", 1.0)
     sealed = result.assign(status=("time_min", ["one_of_many", "converged", "converged"]))
-    (only,) = _broken_goals(goals, sealed)
+    (only,) = first_broken_goals(goals, sealed)
     assert only.goal.startswith("the beat is one of many")
     assert only.at_min == 0.0
 
@@ -116,11 +113,11 @@ def test_a_march_ends_where_it_breaks_a_goal(own):
     goals = read_goals("MAP > 78", ["MAP"])
     key, rate = f"crrt.{ULTRAFILTRATION}", 2000.0
     (whole,) = follow([Timeline(case_with_settings(own, {key: rate}, own), 3600.0)], [1.5], ["MAP"])
-    (stopped,) = _removal_courses(own, key, [rate], rate, goals, None)
+    (stopped,) = removal_courses(own, key, [rate], rate, goals, None)
     assert whole.sizes["time_min"] == 41
     assert stopped.sizes["time_min"] < 20
     assert stopped.attrs["solves"] < 0.5 * whole.attrs["solves"]
-    assert _broken_goals(goals, stopped)[0] == pytest.approx(_broken_goals(goals, whole)[0])
+    assert first_broken_goals(goals, stopped)[0] == pytest.approx(first_broken_goals(goals, whole)[0])
 
 
 def test_a_goal_that_breaks_on_the_way_has_the_value_that_it_started_from():
@@ -130,9 +127,9 @@ def test_a_goal_that_breaks_on_the_way_has_the_value_that_it_started_from():
         {"MAP": ("time_min", [74.7, 70.0, 64.2]), "status": ("time_min", ["converged"] * 3)},
         {"time_min": [0.0, 540.0, 1080.0]}, {"converged": True, "message": ""},
     )  # fmt: skip
-    (broken,) = _broken_goals(goals, result)
+    (broken,) = first_broken_goals(goals, result)
     assert broken.at_start == 74.7
-    found = _removal_result("P", 3000.0, goals, {42.0: False}, {42.0: [broken]})
+    found = removal_result("P", 3000.0, goals, {42.0: [broken]})
     assert "MAP > 65 breaks after 18.0 h (64.2 mmHg, from 74.7 at the start); 756 mL are" in found.message
     assert found.as_object()["limits"][0]["at_start"] == 74.7
 
@@ -140,13 +137,12 @@ def test_a_goal_that_breaks_on_the_way_has_the_value_that_it_started_from():
 def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not():
     """It was "cannot be removed": rates were looked at below the first that breaks a goal alone."""
     tried = {10.0: False, 20.0: True, 40.0: True, 80.0: False, 160.0: True}
-    assert _bracketing_rates(tried) == (40.0, 80.0)
-    assert _bracketing_rates({10.0: False, 20.0: False}) == (None, 10.0)
-    assert _bracketing_rates({10.0: True, 20.0: True}) == (20.0, None)
+    assert bracketing_rates(tried) == (40.0, 80.0)
+    assert bracketing_rates({10.0: False, 20.0: False}) == (None, 10.0)
+    assert bracketing_rates({10.0: True, 20.0: True}) == (20.0, None)
     slow, fast = BrokenGoal("PCWP < 18", 19.0, 300.0, "mmHg"), BrokenGoal("MAP > 65", 60.0, 30.0, "mmHg")
-    found = _removal_result(
-        "P", 100.0, [Goal("MAP", low=65.0)], tried, {10.0: [slow], 80.0: [fast], 20.0: []}
-    )
+    broken = {10.0: [slow], 20.0: [], 40.0: [], 80.0: [fast], 160.0: []}
+    found = removal_result("P", 100.0, [Goal("MAP", low=65.0)], broken)
     assert found.possible
     assert found.rate_ml_h == 40.0
     assert found.message == (
@@ -165,9 +161,8 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
 )
 def test_the_rate_first_named_is_one_that_did_not_harm_patients(harmful, rate, begin):
     """13 mL/kg/h were the answer, with the rate at which patients survive after it, and a warning."""
-    tried = {30.0: True, 60.0: True, 140.0: True, 400.0: True, 1000.0: False}
-    broken = {1000.0: [BrokenGoal("MAP > 65", 60.0, 30.0, "mmHg")]}
-    found = _removal_result("P", 2500.0, [Goal("MAP", low=65.0)], tried, broken, harmful)
+    broken = {30.0: [], 60.0: [], 140.0: [], 400.0: [], 1000.0: [BrokenGoal("MAP > 65", 60.0, 30.0, "mmHg")]}
+    found = removal_result("P", 2500.0, [Goal("MAP", low=65.0)], broken, harmful)
     assert found.message.startswith(begin)
     assert (found.rate_ml_h, found.fastest_ml_h) == (rate, 400.0)
     assert found.as_object()["fastest_ml_h"] == 400.0
@@ -177,11 +172,11 @@ def test_the_rate_first_named_is_one_that_did_not_harm_patients(harmful, rate, b
 
 
 def test_the_harmful_rate_is_tried_where_the_time_allows_it():
-    rates = _first_rates(34.7, 2000.0, 140.0)
+    rates = first_rates(34.7, 2000.0, 140.0)
     assert 140.0 in rates
     assert (rates[0], rates[-1], len(rates)) == (pytest.approx(34.7), pytest.approx(2000.0), 8)
     assert (np.diff(rates) > 0.0).all()
-    assert 140.0 not in _first_rates(312.0, 2000.0, 140.0)
+    assert 140.0 not in first_rates(312.0, 2000.0, 140.0)
 
 
 def test_a_pump_that_stands_still_removes_nothing(own):
@@ -206,19 +201,6 @@ def test_alarms_on_the_way_stand_in_the_first_words(own):
     alarms = [line for line in found.warnings if "mean arterial pressure below 55 mmHg" in line]
     assert bool(alarms) == ("on the way MAP" in found.message)
     assert alarms
-
-
-@pytest.mark.parametrize(
-    ("speeds", "vary", "message"),
-    [
-        ([], None, "numbers"), ("3000,2000", None, "numbers"), (["a"], None, "numbers"),
-        ([3000], "drugs.noradrenaline=0..1, drugs.dobutamine=0..10", "one setting is sought"),
-    ],
-)  # fmt: skip
-def test_weaning_that_cannot_be_meant_is_refused(own, speeds, vary, message):
-    """Of two settings the dose of the second was not said."""
-    with pytest.raises(GoalError, match=message):
-        plan_weaning(own, speeds, keep=vary and "MAP > 65", vary=vary)
 
 
 @pytest.mark.parametrize("volume", [50_000.0, -1.0, math.nan])
@@ -252,71 +234,10 @@ def test_fluid_that_another_filter_removes_beside_the_plan_is_refused(own):
 
 def test_the_fastest_rate_is_that_of_the_device(own):
     key = f"crrt.{ULTRAFILTRATION}"
-    fastest = _fastest(own, key, 100.0)
+    fastest = fastest_rate(own, key, 100.0)
     apply_settings(own, [f"{key}={fastest!r}"])
     with pytest.raises(CaseError, match="the water removed"):
         apply_settings(own, [f"{key}={1.02 * fastest!r}"])
-
-
-def test_weaning_reads_what_the_bedside_reads(own):
-    steps = plan_weaning(own, [3000.0, 2500.0])
-    assert [step.speed_rpm for step in steps] == [3000.0, 2500.0]
-    assert steps[0].outputs["PF"] > steps[1].outputs["PF"]
-    vti = steps[0].outputs["LVOT_VTI"]
-    stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
-    assert vti == pytest.approx(stroke / math.pi)
-
-
-@pytest.mark.slow
-def test_what_doppler_sees_in_the_outflow_tract_includes_what_leaks_back(own):
-    """With a leaking aortic valve the integral was half of an echo's, and plans refused speeds for it."""
-    leaking = read_mapping(own.as_mapping() | {"physiology": {"aortic_regurgitation_cm2": 0.2}}).case
-    read = plan_weaning(leaking, [2500.0])[0].outputs
-    ejected = simulate(apply_settings(leaking, ["ecmo.speed_rpm=2500"]))
-    assert read["LVOT_VTI"] == pytest.approx(float(ejected["stroke_volume_lv"]) / math.pi, rel=0.01)
-    assert read["LVOT_VTI"] > 1.3 * 1000.0 * read["LVO"] / 80.0 / math.pi
-
-
-def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_it(own):
-    """Goals were refused without something to vary: nobody could ask down to which speed they hold."""
-    plain = plan_weaning(own, [3000.0, 2500.0])
-    bound = 0.5 * sum(step.outputs["PF"] for step in plain)
-    fast, slow = plan_weaning(own, [3000.0, 2500.0], keep=f"PF > {bound:.3f}, MAP > 20")
-    assert (fast.reached, fast.message, fast.setting) == (True, "", None)
-    assert not slow.reached
-    assert slow.message == f"PF > {bound:.4g} is not kept there: {slow.outputs['PF']:.4g} L/min"
-    with pytest.raises(GoalError, match="no such output"):
-        plan_weaning(own, [3000.0], keep="MAPP > 20")
-    with pytest.raises(GoalError, match="needs goals to keep"):
-        plan_weaning(own, [3000.0], vary="Rmc")
-
-
-def test_a_flow_in_which_the_oxygenator_clots_is_said_where_the_goals_are_kept(own):
-    """A pressure was kept "at every speed" with a pump that carried nothing."""
-    (low,) = plan_weaning(own, [1000.0], keep="MAP > 20")
-    assert low.reached
-    assert low.outputs["PF"] < 0.5
-    assert low.message.startswith("PF > 0.5 (blood clots in the oxygenator at lower flows")
-    (stated,) = plan_weaning(own, [1000.0], keep="PF > 0.1, MAP > 20")
-    assert stated.message.startswith("PF > 0.1 is not kept there")
-
-
-@pytest.mark.slow
-def test_a_beat_that_is_one_of_many_keeps_no_goal(own):
-    """Its pressures are where the search began: they met a goal that `vary` refused to judge."""
-    stunned = own.model_copy(update={"parameters": {"Emaxlv": 0.06, "Emaxrv": 0.05}})
-    (asked,), (read,) = plan_weaning(stunned, [4200.0], keep="MAP > 20"), plan_weaning(stunned, [4200.0])
-    assert not asked.reached
-    assert "one of many" in asked.message
-    assert read.outputs == asked.outputs
-
-
-@pytest.mark.slow
-def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
-    steps = plan_weaning(own, [3000.0, 2000.0], keep="MAP > 75", vary="drugs.noradrenaline=0..1")
-    assert all(step.reached for step in steps)
-    assert all(step.outputs["MAP"] >= 75.0 - 1e-2 for step in steps)
-    assert steps[1].setting > steps[0].setting
 
 
 @pytest.mark.slow
@@ -329,7 +250,7 @@ def test_a_removal_is_followed_by_what_comes_after_it(own):
     case = apply_settings(case, ["Emaxlv=0.7", "Rmc=0.7", "fluid.extra_volume_ml=700"])
     removal = Removal("P01", 3000.0, ("MAP > 65",), 5000.0, 0.6, True, (), "3000 mL can be removed")
     key, goals = f"crrt.{ULTRAFILTRATION}", [Goal("MAP", low=65.0)]
-    found = _with_afterwards(case, key, removal, goals, 72.0 * 60.0, "patient_held")
+    found = with_afterwards(case, key, removal, goals, 72.0 * 60.0, "patient_held")
     (later,) = found.afterwards
     assert later.goal == "MAP > 65"
     assert 12.0 * 60.0 < later.at_min < 72.0 * 60.0
@@ -337,22 +258,5 @@ def test_a_removal_is_followed_by_what_comes_after_it(own):
         "3000 mL can be removed; after the removal, though nothing more is removed, MAP > 65 breaks after"
     )
     assert found.as_object()["afterwards"] == [later._asdict()]
-    kept = _with_afterwards(case, key, removal, [Goal("MAP", low=20.0)], 0.0, "patient_held")
+    kept = with_afterwards(case, key, removal, [Goal("MAP", low=20.0)], 0.0, "patient_held")
     assert kept == removal
-
-
-def test_a_sudden_change_is_whole_at_a_time_rounded_to_just_before_it():
-    """A plan that ended after 2.77 h ended with a division by zero."""
-    begin = 9999.99951
-    change = Change(begin, begin, {"a": 0.0}, {"a": 1.0}, None)
-    assert change.share(round(begin, 3) - 1e-6) == 1.0
-    ramp = Change(begin, begin + 10.0, {"a": 0.0}, {"a": 1.0}, None)
-    assert ramp.share(begin - 1e-3) == 0.0
-    assert ramp.share(begin + 5.0) == pytest.approx(0.5)
-
-
-def test_weaning_of_a_named_circuit_says_what_to_write(own):
-    raw = {key: section for key, section in own.as_mapping().items() if key != "crrt"}
-    named = read_mapping(raw | {"ecmo": {"a": raw["ecmo"]}}).case
-    with pytest.raises(GoalError, match=r"this case has \[ecmo\.a\]: write \[ecmo\] for the circuit to wean"):
-        plan_weaning(named, [3000.0])

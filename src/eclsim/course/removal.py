@@ -1,4 +1,4 @@
-"""Planning with courses: how fast fluid can be removed, and steps of weaning."""
+"""Removal of fluid: the fastest constant net ultrafiltration that keeps a set of goals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,18 +19,15 @@ from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, case_with_settings
 from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.devices.dialysed_blood import FEWER_SURVIVED_TEXT, HARMFUL_ML_KG_H
-from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
-from eclsim.goals.goal import Goal, GoalError, implicit_goals, least_flow_goals, read_goals
-from eclsim.goals.result import ALARM_KINDS, broken_alarms_text, broken_goals
-from eclsim.goals.search import reach
+from eclsim.goals.goal import Goal, GoalError, implicit_goals, read_goals
+from eclsim.goals.result import ALARM_KINDS, broken_alarms_text
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import Status
-from eclsim.outputs.alarms import doubted_outputs, marks
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
-from eclsim.outputs.results import scalars_of, simulate
+from eclsim.outputs.results import simulate
 from eclsim.outputs.signals import output_names
 from eclsim.simulation.target_flow import with_speed
 
@@ -149,44 +145,66 @@ def plan_removal(
         CaseError: The file is no case.
     """
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    remove_ml, hours = _checked_task(remove_ml, hours)
+    key = _filtration(solved, keep)
+    slowest = max(remove_ml / hours, LEAST_ML_H)
+    slow = _case_at_slowest(solved, key, slowest, f"remove {remove_ml:g} mL in {hours:g} h")
+    outputs = output_names(model_of(slow).circuit)
+    asked = read_goals(keep, outputs)
+    goals = (*asked, *_implied_goals(slow, outputs, asked, volume_policy))
+    harmful = HARMFUL_ML_KG_H * height_weight(solved.patient)[1]
+    rates = first_rates(slowest, fastest_rate(solved, key, slowest), harmful)
+    broken = _broken_by_rate(solved, key, rates, remove_ml, goals, volume_policy)
+    removal = removal_result(solved.patient.id, remove_ml, goals, broken, harmful)
+    if not removal.possible:
+        return removal
+    below = (found for rate, found in broken.items() if rate < removal.rate_ml_h)
+    slower = max((one.at_min for found in below for one in found), default=0.0)
+    removal = with_afterwards(solved, key, removal, goals, slower, volume_policy)
+    return _with_warnings(solved, key, removal, asked, volume_policy)
+
+
+def _checked_task(remove_ml: float, hours: float) -> tuple[float, float]:
+    """Return volume [mL] and time [h] as numbers."""
     remove_ml, hours = number_of("remove_ml", remove_ml), number_of("hours", hours)
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
     if remove_ml > LARGEST_ML:
         raise GoalError([f"remove {remove_ml:g} mL: implausibly large; allowed: up to {LARGEST_ML:g} mL"])
-    key = _filtration(solved, keep)
-    slowest = max(remove_ml / hours, LEAST_ML_H)
+    return remove_ml, hours
+
+
+def _case_at_slowest(case: Case, key: str, slowest: float, task: str) -> Case:
+    """Return the case at the slowest rate; if its device cannot have it, an error that names the task."""
     try:
-        slow = case_with_settings(solved, {key: slowest}, solved)
+        return case_with_settings(case, {key: slowest}, case)
     except CaseError as error:
         (first, *_) = error.mistakes
         reason = f"{first.message}; allowed: {first.allowed}, or more hours"
-        raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h, {slowest:.0f} mL/h: {reason}"]) from None
-    fastest = _fastest(solved, key, slowest)
-    outputs = output_names(model_of(slow).circuit)
-    asked = read_goals(keep, outputs)
-    goals = (*asked, *_implied_goals(slow, outputs, asked, volume_policy))
-    harmful = HARMFUL_ML_KG_H * height_weight(solved.patient)[1]
-    rates = _first_rates(slowest, fastest, harmful)
-    tried, broken = dict[float, bool](), dict[float, list[BrokenGoal]]()
+        raise GoalError([f"{task}, {slowest:.0f} mL/h: {reason}"]) from None
+
+
+def _broken_by_rate(
+    case: Case, key: str, rates: np.ndarray, remove_ml: float, goals: Sequence[Goal], policy: str | None
+) -> dict[float, list[BrokenGoal]]:
+    """Goals that each rate violates, for the first rates and those by which the interval is divided."""
+    broken = dict[float, list[BrokenGoal]]()
     for _ in range(ROUNDS):
-        fresh = [float(rate) for rate in rates if float(rate) not in tried]
-        for rate, result in zip(
-            fresh, _removal_courses(solved, key, fresh, remove_ml, goals, volume_policy), strict=True
-        ):
-            broken[rate] = _broken_goals(goals, result)
-            tried[rate] = not broken[rate]
-        below, above = _bracketing_rates(tried)
+        fresh = [float(rate) for rate in rates if float(rate) not in broken]
+        courses = removal_courses(case, key, fresh, remove_ml, goals, policy)
+        broken |= {
+            rate: first_broken_goals(goals, result) for rate, result in zip(fresh, courses, strict=True)
+        }
+        below, above = bracketing_rates(_kept(broken))
         if below is None or above is None:
             break
         rates = np.linspace(below, above, RATES_PER_ROUND + 2)[1:-1]
-    removal = _removal_result(solved.patient.id, remove_ml, goals, tried, broken, harmful)
-    if not removal.possible:
-        return removal
-    below = (found for rate, found in broken.items() if rate < removal.rate_ml_h)
-    slower = max((one.at_min for found in below for one in found), default=0.0)
-    removal = _with_afterwards(solved, key, removal, goals, slower, volume_policy)
-    return _with_warnings(solved, key, removal, asked, volume_policy)
+    return broken
+
+
+def _kept(broken: Mapping[float, Sequence[BrokenGoal]]) -> dict[float, bool]:
+    """Whether each rate keeps all goals."""
+    return {rate: not found for rate, found in broken.items()}
 
 
 def _implied_goals(
@@ -207,7 +225,7 @@ def _implied_goals(
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 
-def _with_afterwards(
+def with_afterwards(
     case: Case, key: str, removal: Removal, goals: Sequence[Goal], slower: float, policy: str | None
 ) -> Removal:
     """Add the goals that are violated after the removal, with nothing more removed.
@@ -224,7 +242,7 @@ def _with_afterwards(
     (result,) = follow(
         [timeline], [every], [goal.output for goal in goals], policy, broken=lambda beat: _breaks(goals, beat)
     )
-    broken = tuple(one._replace(at_min=one.at_min - end) for one in _broken_goals(goals, result))
+    broken = tuple(one._replace(at_min=one.at_min - end) for one in first_broken_goals(goals, result))
     if not broken or broken[0].at_min <= 0.0:
         return removal
     reason = " and ".join(map(_break_sentence, broken))
@@ -254,7 +272,7 @@ def _with_warnings(
     return replace(removal, message=message, warnings=tuple(sentences))
 
 
-def _first_rates(slowest: float, fastest: float, harmful: float) -> np.ndarray:
+def first_rates(slowest: float, fastest: float, harmful: float) -> np.ndarray:
     """Rates from the slowest to the fastest; the harmful rate is one of them where it lies between."""
     rates = np.geomspace(slowest, fastest, RATES_PER_ROUND)
     if slowest < harmful < fastest:
@@ -263,7 +281,7 @@ def _first_rates(slowest: float, fastest: float, harmful: float) -> np.ndarray:
     return rates
 
 
-def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:
+def bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:
     """The last of the consecutive slowest rates that keep all goals, and the next faster that does not.
 
     If no rate keeps them, the second is the slowest rate.
@@ -304,7 +322,7 @@ def _filtration(case: Case, keep: str | Sequence[str | Goal]) -> str:
     raise GoalError(wrong)
 
 
-def _fastest(case: Case, key: str, slowest: float) -> float:
+def fastest_rate(case: Case, key: str, slowest: float) -> float:
     """Highest rate allowed for the device, within 1 %; the slowest rate if that is too high already."""
 
     def allowed(rate: float) -> bool:
@@ -323,7 +341,7 @@ def _fastest(case: Case, key: str, slowest: float) -> float:
     return low
 
 
-def _removal_courses(
+def removal_courses(
     case: Case, key: str, rates: Sequence[float], remove_ml: float, goals: Sequence[Goal], policy: str | None
 ) -> list[xr.Dataset]:
     """Courses that remove a volume at several rates, side by side."""
@@ -344,7 +362,7 @@ def _breaks(goals: Sequence[Goal], beat: Mapping[str, float]) -> bool:
     return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
 
 
-def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]:
+def first_broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]:
     """Goals violated at the first moment with a violation; an early end of the course counts as one."""
     minutes = result["time_min"].to_numpy()
     lost = BrokenGoal(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
@@ -365,16 +383,24 @@ def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]
     return [] if result.attrs["converged"] else [lost]
 
 
-def _removal_result(
+def removal_result(
     name: str,
     remove_ml: float,
     goals: Sequence[Goal],
-    tried: dict[float, bool],
-    broken: dict[float, list[BrokenGoal]],
+    broken: Mapping[float, Sequence[BrokenGoal]],
     harmful: float = math.inf,
 ) -> Removal:
-    """The result for the rates tried; `harmful` is the rate above which fewer patients survived [mL/h]."""
-    fastest, above = _bracketing_rates(tried)
+    """Return the result for the rates tried.
+
+    Args:
+        name: id of the case.
+        remove_ml: volume to remove [mL].
+        goals: goals that must hold at all times.
+        broken: goals that each rate [mL/h] violates.
+        harmful: rate above which fewer patients survived [mL/h].
+    """
+    tried = _kept(broken)
+    fastest, above = bracketing_rates(tried)
     limits = tuple(broken[above]) if above is not None else ()
     sentence = " and ".join(_break_sentence(limit) for limit in limits)
     rate = math.nan
@@ -428,143 +454,3 @@ def _break_sentence(limit: BrokenGoal) -> str:
         return f"{limit.goal} is broken from the start ({limit.value:.4g}{unit})"
     start = "" if math.isnan(limit.at_start) else f", from {limit.at_start:.4g} at the start"
     return f"{limit.goal} breaks after {hours} ({limit.value:.4g}{unit}{start})"
-
-
-# --- weaning --------------------------------------------------------------------------------------
-
-WEANING_OUTPUTS = (
-    "PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure",
-    "SaO2", "SvO2", "PaCO2", "LVOT_VTI",
-)  # fmt: skip
-"""Outputs of a step of weaning, where the case has them."""
-
-
-NO_MARKS: Mapping[str, str] = MappingProxyType({})
-
-
-class WeaningStep(NamedTuple):
-    """Results for one pump speed.
-
-    Attributes:
-        speed_rpm: speed of the pump [rpm].
-        setting: dose of the drug (or value of another setting) needed; None if nothing is varied.
-        reached: whether the goals are reached.
-        outputs: values by name of `WEANING_OUTPUTS`.
-        message: explanation if a goal is not reached, no steady beat was found, or a flow exceeds a limit
-            that the varied setting cannot keep.
-        warnings: limits that the beat violates, and cautions about its numbers.
-        marks: kind of the most severe finding about each output or waveform of the beat that has one.
-        doubted: outputs that a caution concerns.
-    """
-
-    speed_rpm: float
-    setting: float | None
-    reached: bool
-    outputs: dict[str, float]
-    message: str
-    warnings: tuple[str, ...] = ()
-    marks: Mapping[str, str] = NO_MARKS
-    doubted: tuple[str, ...] = ()
-
-    @property
-    def alarms(self) -> tuple[str, ...]:
-        """Outputs and waveforms that violate an alarm limit, or of a vein or chamber that collapses."""
-        return tuple(name for name, kind in self.marks.items() if kind in ALARM_KINDS)
-
-
-def plan_weaning(
-    case: CaseSource,
-    speeds: Sequence[float],
-    *,
-    keep: str | Sequence[str | Goal] | None = None,
-    vary: str | None = None,
-    volume_policy: str | None = None,
-) -> list[WeaningStep]:
-    """Reduce the pump speed step by step, with the reflex of the case, and read each steady beat.
-
-    Args:
-        case: path of a case file, what `read_case` returned, or a case with ECMO.
-        speeds: speeds of the pump in order [rpm].
-        keep: goals for every speed, such as "MAP > 65".
-        vary: setting varied to reach them, such as "drugs.noradrenaline=0..1"; the smallest value is sought.
-            If None, goals are only checked at each speed.
-        volume_policy: blood volume policy; None takes that of the case.
-
-    Raises:
-        GoalError: Goals or settings are not possible, or the case has no ECMO.
-        CaseError: The file is no case, or a speed is not allowed.
-    """
-    start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    if start.ecmo is None:
-        raise GoalError([_without_ecmo(start)])
-    numbers = _speeds(speeds)
-    if keep is None and vary is not None:
-        raise GoalError([f"vary '{vary}': needs goals to keep, such as MAP > 65; none is given"])
-    if vary is not None and "," in vary:
-        raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
-    if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
-        start = case_with_settings(start, {vary.partition("=")[0].strip(): 0.0}, start)
-    key = f"{ECMO.key}.speed_rpm"
-    return [
-        _weaning_step(case_with_settings(start, {key: speed}, start), speed, keep, vary, volume_policy)
-        for speed in numbers
-    ]
-
-
-def _without_ecmo(case: Case) -> str:
-    """Message that weaning finds no circuit without a name."""
-    named = [one.key for one in case.instances() if one.device.key == ECMO.key]
-    if not named:
-        return f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"
-    return (
-        f"weaning turns down [{ECMO.key}], and this case has [{'], ['.join(named)}]: write [{ECMO.key}] for "
-        f"the circuit to wean, or compare speeds with eclsim simulate --sweep {named[0]}.speed_rpm=..."
-    )
-
-
-def _speeds(given: Sequence[float]) -> list[float]:
-    """Return the speeds as numbers [rpm]."""
-    try:
-        speeds = [] if isinstance(given, str) else [float(speed) for speed in given]
-    except (TypeError, ValueError):
-        speeds = []
-    if not speeds:
-        raise GoalError([f"speeds {given!r}: allowed: numbers [rpm] in order, such as [3000, 2000, 1000]"])
-    return speeds
-
-
-def _weaning_step(
-    case: Case, speed: float, keep: str | Sequence[str | Goal] | None, vary: str | None, policy: str | None
-) -> WeaningStep:
-    if keep is None or vary is None:
-        names, values = output_names(model_of(case).circuit), model_of(case).values
-        goals = () if keep is None else read_goals(keep, names)
-        flows = () if keep is None else least_flow_goals(names, goals, values)
-        result = simulate(case, policy)
-        numbers = {name: float(result[name]) for name in scalars_of(result)}
-        warnings, lost = tuple(result.attrs["warnings"]), not result.attrs["converged"]
-        lost = lost or bool(goals and result.attrs["one_of_many"])
-        missed = list(broken_goals(numbers, goals))
-        message = "; ".join(one.sentence for one in (*missed, *broken_goals(numbers, flows)))
-        message = str(result.attrs["message"]) if lost else message
-        reached = not missed and not lost
-        found = {str(name): entry.attrs.get("finding") for name, entry in result.items()}
-        kinds = {name: kind for name, kind in found.items() if kind}
-        doubted = tuple(name for name in kinds if result[name].attrs["read_with_care"])
-        return WeaningStep(
-            speed, None, reached, _weaning_outputs(numbers), message, warnings, kinds, doubted
-        )  # fmt: skip
-    result = reach(case, keep, vary=vary, volume_policy=policy)
-    alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
-    message = alarms if result.reached else result.message
-    outputs = _weaning_outputs(result.outputs)
-    kinds = marks(result.findings, result.outputs, model_of(case).values)
-    doubted = doubted_outputs(result.findings)
-    return WeaningStep(
-        speed, result.values[0], result.reached, outputs, message, result.warnings, kinds, doubted
-    )  # fmt: skip
-
-
-def _weaning_outputs(numbers: Mapping[str, float]) -> dict[str, float]:
-    """Outputs read at the bedside."""
-    return {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}
