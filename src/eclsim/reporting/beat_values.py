@@ -243,4 +243,6 @@ def place_label_of(signal: str) -> str:
         return "pressure rise over the pump"
     if names is not None:
         return names.place_label(signal)
+    if kind == "P" and place in CONNECTIONS and place not in COMPARTMENTS:
+        return f"pressure gained: {CONNECTIONS[place]}"
     return (CONNECTIONS if kind == "Q" else COMPARTMENTS).get(place, place)

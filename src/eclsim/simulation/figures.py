@@ -310,10 +310,11 @@ def plot_mean_flows(result: xr.Dataset) -> Figure:
 def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
     """Rows of one chart, those of the patient before those of devices.
 
-    Waveforms that are in no table are last in the patient's group, with their own names.
+    Waveforms that are in no table are last in the patient's group, with their own names; pressures are those
+    of compartments.
     """
     waveforms = _places_of_curves(result, kind)
-    heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
+    heads = {name for name in waveforms if kind == "P" and _is_head(result, name)}
     unlisted = [name for name in waveforms if name not in patients and naming_at(name) is None]
     rows = [("Patient", _PATIENT, n) for n in (*patients, *unlisted) if n in waveforms and n not in heads]
     for names in instances_at(waveforms):
@@ -341,9 +342,12 @@ def _row_label(kind: str, place: str) -> str:
     return plain_text(label if names is None else names.cut(label, _ROW_CHARACTERS), _ROW_CHARACTERS)
 
 
-def _is_pump(name: str) -> bool:
+def _is_head(result: xr.Dataset, name: str) -> bool:
+    """Whether a pressure is that gained along a connection: of a pump, or of a place that holds no blood."""
     names = naming_at(name)
-    return name.endswith("pump") if names is None else name in names.pumps()
+    if names is not None:
+        return name in names.pumps()
+    return name not in COMPARTMENTS and f"Q{name}" in result and f"V{name}" not in result
 
 
 def _places_of_curves(result: xr.Dataset, kind: str) -> list[str]:

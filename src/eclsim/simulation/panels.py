@@ -117,13 +117,25 @@ def _doubted(table: xr.Dataset, name: str) -> bool:
 
 
 def draw_broken_limits(ax: Axes, panel: Panel, broken: Sequence[BrokenLimit]) -> None:
-    """Draw bars at the bottom where an output of the panel violates a limit, the most severe on top."""
+    """Draw bars at the bottom where outputs of the panel violate limits, the most severe on top."""
     names = set(map(first_name, panel.names))
     shown = [one for one in broken if one.kind in _BARS and first_name(one.quantity) in names]
     if shown:
         make_room(ax, below=True)
-    for one in sorted(shown, key=lambda one: list(_BARS).index(one.kind), reverse=True):
-        draw_bar(ax, (one.begin, one.end), 0.02, solid_capstyle="butt", **_BARS[one.kind])
+    for kind in reversed(_BARS):
+        for ends in _united((one.begin, one.end) for one in shown if one.kind == kind):
+            draw_bar(ax, ends, 0.02, solid_capstyle="butt", **_BARS[kind])
+
+
+def _united(spans: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Spans without overlaps, as dashes of two bars would fill each other's gaps."""
+    result: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if result and begin <= result[-1][1]:
+            result[-1] = result[-1][0], max(end, result[-1][1])
+        else:
+            result.append((begin, end))
+    return result
 
 
 def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> list[str]:
