@@ -44,7 +44,7 @@ def assumptions_in_words(study: CrrtStudy) -> list[str]:
 
 
 def model_in_words(case: Case) -> str:
-    """Model of the patient in one sentence: reflexes, drugs, regions and other extensions, gases and fluid."""
+    """The model of a patient in one sentence: reflexes, drugs, regions, extensions, gases and fluid."""
     gas = [] if case.gas else ["no gas exchange"]
     parts = [_reflexes(case), _drugs(case), *_physiology(case), *gas, *_blood_given(case)]
     parts.append("no fluid taken from the blood volume by the CRRT")
@@ -52,11 +52,13 @@ def model_in_words(case: Case) -> str:
 
 
 def models_in_words(cases: Mapping[str, Case]) -> list[str]:
-    """Models of the patients of a cohort by data point; those that are not of all patients with their number."""
+    """Models of the patients of a cohort; if they differ, each with its number of data points."""
     count = Counter(map(model_in_words, cases.values()))
     if len(count) == 1:
         return list(count)
-    return [f"In {number} of {len(cases)} data points: {sentence}" for sentence, number in count.most_common()]
+    return [
+        f"In {number} of {len(cases)} data points: {sentence}" for sentence, number in count.most_common()
+    ]
 
 
 def _reflexes(case: Case) -> str:

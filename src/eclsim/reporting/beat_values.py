@@ -16,7 +16,7 @@ from eclsim.devices.registry import devices, naming_of, namings
 from eclsim.outputs.limits import places_with_limits
 from eclsim.outputs.registry import outputs_of_mean
 from eclsim.reporting.numbers import number
-from eclsim.reporting.style import plain_text
+from eclsim.reporting.style import fitted_title, plain_text
 from eclsim.units import convert, quantity_of
 
 if TYPE_CHECKING:
@@ -73,10 +73,18 @@ def check_beat(result: object) -> None:
 
 def case_name(result: "xr.Dataset") -> str:
     """Return the printable id of the case, with a warning if its beat was not found or is not unique."""
-    name = plain_text(result.attrs.get("id", "case"), limit=44)
+    return plain_text(result.attrs.get("id", "case"), limit=44) + _doubt(result)
+
+
+def case_title(result: "xr.Dataset", suffix: str = "") -> str:
+    """Return the title of a figure of the case, as `case_name`; an id is cut only where the line is full."""
+    return fitted_title(result.attrs.get("id", "case"), f"{_doubt(result)}{suffix}")
+
+
+def _doubt(result: "xr.Dataset") -> str:
     if not int(result.attrs.get("converged", 1)):
-        return f"{name} (NOT CONVERGED)"
-    return f"{name} (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else name
+        return " (NOT CONVERGED)"
+    return " (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else ""
 
 
 DOUBTED = "*"

@@ -15,7 +15,7 @@ from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.beat_values import (
     beat_mean,
-    case_name,
+    case_title,
     check_beat,
     figure_marks_at,
     figure_marks_of,
@@ -169,7 +169,7 @@ class Labels:
         """Return the given title, or the name of the case."""
         if title is not None:
             return plain_text(title, 60)
-        return "Circuit" if self.result is None else case_name(self.result)
+        return "Circuit" if self.result is None else case_title(self.result)
 
     def subtitle(self) -> str:
         """Return a description of the numbers, with the blood volume policy."""

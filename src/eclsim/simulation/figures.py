@@ -26,6 +26,7 @@ from eclsim.reporting.beat_values import (
     beat_mean,
     beat_period,
     case_name,
+    case_title,
     check_beat,
     figure_marks_at,
     figure_marks_in,
@@ -49,6 +50,7 @@ from eclsim.reporting.style import (
     PAGE_WIDTH_MM,
     curve_style,
     figure_style,
+    fitted_title,
     new_figure,
     plain_text,
     save_figure,
@@ -166,7 +168,7 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
         reason = unknown or " is not in this result"
         raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
     names = _instances(result).get(part)
-    title = f"{case_name(result)} – {part if names is None else names.cut(names.label, 56)}"
+    title = case_title(result, f" – {part if names is None else names.cut(names.label, 56)}")
     return _draw_panels(result, PARTS[part] if names is None else names.panels(), title, names=names)
 
 
@@ -181,7 +183,7 @@ def plot_overview(result: xr.Dataset) -> Figure:
         Panel("Flows", "L/min", ("Qlv", *(f"Q{pump}" for pump in pumps))),
         Panel("Ventricles", "mL", ("Vlv", "Vrv")),
     )
-    return _draw_panels(result, panels, case_name(result), note)
+    return _draw_panels(result, panels, case_title(result), note)
 
 
 @figure_style()
@@ -229,8 +231,9 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int, ti
     ax.set_ylabel(f"{quantity} [{panel.unit}]")
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
-    start = legend_start([_curve_label(name, titled) for name in names])
-    draw_legend_above(ax, panel.title, legend_rows, _legend_columns(panel), start)
+    columns = _legend_columns(panel)
+    start = legend_start([str(line.get_label()) for line in ax.get_lines()], columns)
+    draw_legend_above(ax, panel.title, legend_rows, columns, start)
 
 
 def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
@@ -242,18 +245,18 @@ def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: 
     )  # fmt: skip
 
 
-def legend_start(labels: list[str]) -> float:
+def legend_start(labels: list[str], columns: int = 2) -> float:
     """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
 
     Otherwise it would extend beyond the axes to the edge of the page.
     """
-    columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
-    long = sum(max(map(len, column), default=0) for column in columns) > _CHARACTERS_ABOVE_AXES
-    return -0.19 if long else 0.0
+    rows = max(math.ceil(len(labels) / columns), 1)
+    widths = (max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows))
+    return -0.19 if sum(widths) > _CHARACTERS_ABOVE_AXES[columns] else 0.0
 
 
-_CHARACTERS_ABOVE_AXES = 34
-"""Number of characters of two legend columns that fit above the axes."""
+_CHARACTERS_ABOVE_AXES = {1: 42, 2: 34}
+"""Number of characters of a legend that fit above the axes, by its number of columns."""
 
 
 def _widen_flat_axis(ax: Axes) -> None:
@@ -303,7 +306,7 @@ def plot_mean_flows(result: xr.Dataset) -> Figure:
         ax.set_ylim(height - 0.4, -0.6)
     if legend := meaning_of_figure_marks(row.signs for row in (*flows, *pressures)):
         fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
-    fig.suptitle(case_name(result), x=0.01, ha="left")
+    fig.suptitle(case_title(result), x=0.01, ha="left")
     return fig
 
 
@@ -441,7 +444,8 @@ def plot_pressure_volume(
         )
     elif meaning:
         fig.supxlabel(meaning, fontsize=7.5, x=0.01, ha="left", color=GREY)
-    fig.suptitle("Pressure-volume loops" if len(cases) > 1 else names[0], x=0.01, ha="left")
+    title = "Pressure-volume loops" if len(cases) > 1 else names[0] if labels else case_title(cases[0])
+    fig.suptitle(title, x=0.01, ha="left")
     return fig
 
 
@@ -519,7 +523,7 @@ def plot_sweep(table: xr.Dataset) -> Figure:
         draw_broken_limits(ax, panel, broken)
     for ax in axes[len(panels) :]:
         ax.remove()
-    title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
+    title = fitted_title(table.attrs["id"], f" – {plain_text(table.attrs['key'], 40)}")
     fig.suptitle(title, x=0.01, ha="left")
     if notes := "\n".join((*legend_of_bars(panels, broken), *legend_of_care(table, panels), *_notes(table))):
         fig.supxlabel(notes, fontsize=7.5, x=0.01, ha="left", color=GREY)

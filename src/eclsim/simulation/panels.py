@@ -149,10 +149,19 @@ def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> li
             f"bars: an output of the panel is in alarm (red) or warning (orange, dashed){impossible}"
         )
     groups = set(map(group_of, names))
-    further = (one for one in limits if find_output(one.quantity) and group_of(one.quantity) not in groups)
-    if hidden := dict.fromkeys(f"{one.quantity} ({LABELS.get(one.kind, one.kind)})" for one in further):
-        lines += textwrap.wrap(f"limits broken by outputs that are not drawn: {', '.join(hidden)}", 110)
+    hidden: dict[str, set[str]] = {}
+    for one in limits:
+        if (entry := find_output(one.quantity)) and group_of(one.quantity) not in groups:
+            hidden.setdefault(entry.long_name, set()).add(one.kind)
+    if hidden:
+        named = (f"{name} ({_kinds_in_words(kinds)})" for name, kinds in hidden.items())
+        lines += textwrap.wrap(f"limits broken by outputs that are not drawn: {', '.join(named)}", 110)
     return lines
+
+
+def _kinds_in_words(kinds: set[str]) -> str:
+    """Kinds of limits, the gravest first."""
+    return " and ".join(LABELS.get(kind, kind) for kind in _BARS if kind in kinds)
 
 
 def make_room(ax: Axes, *, below: bool = False, above: bool = False) -> None:
