@@ -16,7 +16,7 @@ from eclsim.devices.registry import devices, naming_of, namings
 from eclsim.outputs.limits import places_with_limits
 from eclsim.outputs.registry import outputs_of_mean
 from eclsim.reporting.numbers import number
-from eclsim.reporting.style import fitted_title, plain_text
+from eclsim.reporting.style import PAGE_WIDTH_MM, fitted_title, plain_text
 from eclsim.units import convert, quantity_of
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ def case_name(result: "xr.Dataset") -> str:
     return plain_text(result.attrs.get("id", "case"), limit=44) + _doubt(result)
 
 
-def case_title(result: "xr.Dataset", suffix: str = "") -> str:
+def case_title(result: "xr.Dataset", suffix: str = "", width_mm: float = PAGE_WIDTH_MM) -> str:
     """Return the title of a figure of the case, as `case_name`; an id is cut only where the line is full."""
-    return fitted_title(result.attrs.get("id", "case"), f"{_doubt(result)}{suffix}")
+    return fitted_title(result.attrs.get("id", "case"), f"{_doubt(result)}{suffix}", width_mm)
 
 
 def _doubt(result: "xr.Dataset") -> str:

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _SATURATION_WIDTH = 7.6
+_TITLE_WIDTH = layout.FRAME[1] - layout.FRAME[0] + 6.0
+"""Width that the title may have [mm]; it begins left of the frames."""
 """Width [mm] of the field that shows a saturation."""
 _BESIDE_SATURATION = 11
 """Number of characters that fit beside a saturation."""
@@ -169,7 +171,7 @@ class Labels:
         """Return the given title, or the name of the case."""
         if title is not None:
             return plain_text(title, 60)
-        return "Circuit" if self.result is None else case_title(self.result)
+        return "Circuit" if self.result is None else case_title(self.result, width_mm=_TITLE_WIDTH)
 
     def subtitle(self) -> str:
         """Return a description of the numbers, with the blood volume policy."""
