@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _SATURATION_WIDTH = 7.6
+"""Width [mm] of the field that shows a saturation."""
 _TITLE_WIDTH = layout.FRAME[1] - layout.FRAME[0] + 6.0
 """Width that the title may have [mm]; it begins left of the frames."""
-"""Width [mm] of the field that shows a saturation."""
 _BESIDE_SATURATION = 11
 """Number of characters that fit beside a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
