@@ -29,15 +29,16 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.reporting import style
-from eclsim.simulation.figures import draw_legend_above, legend_start
 from eclsim.simulation.panels import (
     QUANTITIES,
     BrokenLimit,
     curves_of,
     draw_bar,
     draw_broken_limits,
+    draw_legend_above,
     legend_of_bars,
     legend_of_care,
+    legend_start,
     make_room,
     panels_of,
 )

@@ -60,8 +60,10 @@ from eclsim.simulation.panels import (
     BrokenLimit,
     curves_of,
     draw_broken_limits,
+    draw_legend_above,
     legend_of_bars,
     legend_of_care,
+    legend_start,
     panels_of,
 )
 
@@ -234,29 +236,6 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int, ti
     columns = _legend_columns(panel)
     start = legend_start([str(line.get_label()) for line in ax.get_lines()], columns)
     draw_legend_above(ax, panel.title, legend_rows, columns, start)
-
-
-def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
-    """Draw a legend above the axes, from a place in widths of the axes, and a title above its rows."""
-    ax.set_title(title, loc="left", pad=3 + 11.5 * rows)
-    ax.legend(
-        loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
-        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
-    )  # fmt: skip
-
-
-def legend_start(labels: list[str], columns: int = 2) -> float:
-    """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
-
-    Otherwise it would extend beyond the axes to the edge of the page.
-    """
-    rows = max(math.ceil(len(labels) / columns), 1)
-    widths = (max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows))
-    return -0.19 if sum(widths) > _CHARACTERS_ABOVE_AXES[columns] else 0.0
-
-
-_CHARACTERS_ABOVE_AXES = {1: 42, 2: 34}
-"""Number of characters of a legend that fit above the axes, by its number of columns."""
 
 
 def _widen_flat_axis(ax: Axes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -174,3 +175,26 @@ def make_room(ax: Axes, *, below: bool = False, above: bool = False) -> None:
 def draw_bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: object) -> None:
     """Draw a bar between two places at a height in that of the axes."""
     ax.add_line(Line2D(ends, [height, height], transform=ax.get_xaxis_transform(), **look))  # pyright: ignore[reportArgumentType] - keywords of a line
+
+
+def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
+    """Draw a legend above the axes, from a place in widths of the axes, and a title above its rows."""
+    ax.set_title(title, loc="left", pad=3 + 11.5 * rows)
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
+    )  # fmt: skip
+
+
+def legend_start(labels: list[str], columns: int = 2) -> float:
+    """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
+
+    Otherwise it would extend beyond the axes to the edge of the page.
+    """
+    rows = max(math.ceil(len(labels) / columns), 1)
+    widths = (max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows))
+    return -0.19 if sum(widths) > _CHARACTERS_ABOVE_AXES[columns] else 0.0
+
+
+_CHARACTERS_ABOVE_AXES = {1: 42, 2: 34}
+"""Number of characters of a legend that fit above the axes, by its number of columns."""
