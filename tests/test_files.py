@@ -17,6 +17,7 @@ import eclsim
 from eclsim.files import (
     csv_text,
     file_stem,
+    file_stems,
     finite,
     frame_text,
     guarded,
@@ -170,10 +171,18 @@ def test_other_cells_stay_as_they_are(value):
 )
 def test_file_names_are_safe(case_id: str):
     assert not file_stem(case_id).startswith(".")
-    assert re.fullmatch(r"[A-Za-z0-9._-]{1,70}", file_stem(case_id))
+    assert re.fullmatch(r"[\w.-]{1,70}", file_stem(case_id))
 
 
 def test_file_names_of_different_ids_differ():
-    ids = ["a b", "a/b", "a_b", "a  b", "A_B", "x" * 60, "x" * 61, "", "_"]
-    assert len({file_stem(case_id) for case_id in ids}) == len(ids)
+    ids = ["a b", "a/b", "a_b", "a  b", "A_B", "x" * 60, "x" * 61, "", "_", "P01/1", "P01_1", "a_b-2"]
+    stems = file_stems(ids)
+    assert len({stem.casefold() for stem in stems}) == len(ids)
     assert file_stem("P01-b_2") == "P01-b_2"
+
+
+def test_an_id_has_one_readable_name_whichever_way_it_is_asked_for():
+    """`course` wrote "_sterreich__i____x_2__50__314bdbf5" where `simulate` wrote "Österreich_i_x_2_50"."""
+    name = "Österreich <i>& $x^2$ 50%"
+    assert file_stem(name) == "Österreich_i_x_2_50" == file_stems([name, "P02"])[0]
+    assert file_stem("Mu\N{COMBINING DIAERESIS}ller") == "Müller" == file_stem("Müller")

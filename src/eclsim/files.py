@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import hashlib
 import io
 import json
 import math
@@ -13,6 +12,7 @@ import re
 import shutil
 import sys
 import tempfile
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -221,31 +221,22 @@ def _cell(value: object, digits: int | None) -> object:
 # --- names of files -------------------------------------------------------------------------------
 
 
-def file_stem(name: str, *, slashes: bool = False) -> str:
-    """Return the beginning of a file name for an id; different ids get different beginnings.
-
-    ASCII letters, digits, `.`, `-` and `_` are kept. If the id has any other character or is long, a digest
-    of the whole id is appended.
-
-    Args:
-        name: the id.
-        slashes: whether ids are parts joined by slashes. A slash then becomes `_`, and an id that contains
-            `_` itself gets a digest.
-    """
-    safe = re.sub(r"[^A-Za-z0-9._-]", "_", name)[:_LONGEST_STEM].strip(".")
-    unchanged = safe == name.replace("/", "_") and "_" not in name if slashes else safe == name
-    if safe and unchanged:
-        return safe
-    mark = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
-    return f"{safe or 'case'}_{mark}"
+def file_stem(name: str) -> str:
+    """Return the readable beginning of a file name for a single id, see `file_stems`."""
+    return file_stems([name])[0]
 
 
 def file_stems(names: Sequence[str]) -> tuple[str, ...]:
-    """Return a readable, unique beginning of a file name for each id: letters, digits, dots, dashes."""
+    """Return a readable beginning of a file name for each id: letters, digits, dots, dashes, underscores.
+
+    Letters of any script are kept; anything else becomes `_`. Ids that would have the same beginning, which
+    a file system may not tell apart by capital letters, get different numbers.
+    """
     taken: set[str] = set()
     stems = []
     for name in names:
-        base = re.sub(r"[^\w.-]+", "_", name)[:_LONGEST_STEM].strip("._") or "case"
+        text = re.sub(r"[^\w.-]+", "_", unicodedata.normalize("NFC", name))
+        base = text[:_LONGEST_STEM].strip("._") or "case"
         stem, count = base, 1
         while stem.casefold() in taken:
             count += 1

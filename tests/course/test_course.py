@@ -16,6 +16,7 @@ from eclsim.course.files import course_object
 from eclsim.devices.description import Finding
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
+from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.slow import SlowLaw, SlowState
 from small_patient import PATIENT
 
@@ -181,6 +182,29 @@ def test_the_figure_has_the_units_of_events_and_says_where_remarks_are(hour):
                           "`approximations` and `cautions` in its NetCDF file")  # fmt: skip
     none = plot_course(hour.assign_attrs(approximations=[], cautions=[]))._supxlabel.get_text()
     assert "how to read this course" not in none
+
+
+def test_numbers_of_events_minutes_apart_are_joined(hour):
+    """Those of events at 60, 62 and 64 minutes of 10 hours lay on each other."""
+    from eclsim.course.figures import joined_numbers, plot_course
+
+    places = [0.5, 1.0, 62 / 60, 64 / 60, 3.0, 400 / 60]
+    assert joined_numbers(places, 10.0) == [(0.5, "1"), (1.0, "2–4"), (3.0, "5"), (400 / 60, "6")]
+    assert joined_numbers([10.0, 20.0], 60.0) == [(10.0, "1"), (20.0, "2")]
+    events = [{"at_min": at, "set": {"Emaxlv": 1.0}} for at in (10.0, 10.5, 11.0, 40.0, 900.0)]
+    figure = plot_course(hour.assign_attrs(events=json.dumps(events)))
+    numbers = [text for text in figure.axes[0].texts if text.get_text()]
+    assert [text.get_text() for text in numbers] == ["1–3", "4"]
+
+
+def test_a_course_of_another_patient_than_the_measured_one_says_so_above_the_figure(hour):
+    """Of "MPAP 26 measured, 13.96 here" the figure said only that there were 3 remarks."""
+    from eclsim.course.figures import plot_course
+
+    doubt = f"the beat at 00:00 {NOT_THE_MEASURED} (MPAP 26 measured, 13.96 here): the case is as written"
+    fig = plot_course(hour.assign_attrs(approximations=["one"], cautions=["two", doubt]))
+    assert " ".join(fig.get_suptitle().splitlines()[1:]) == doubt
+    assert "2 remarks on how to read this course" in fig.get_supxlabel()
 
 
 def test_outputs_to_be_read_with_care_have_a_dagger(hour):

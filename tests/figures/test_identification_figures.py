@@ -119,6 +119,11 @@ def test_a_correlation_fills_its_page(size: int):
     assert max(p.x1 for p in places) > 0.92
 
 
+def test_a_correlation_has_no_negative_zero():
+    fig = plot_correlation(["Rmc", "Edla"], np.array([[1.0, -0.0004], [-0.12, 1.0]]))
+    assert [text.get_text() for text in fig.axes[0].texts] == ["1.00", "0.00", "−0.12", "1.00"]
+
+
 def test_residuals_show_where_a_fit_is_doubtful_and_poor():
     outputs = {"MAP": {"measured": 70.0, "simulated": 76.0}, "CO": {"measured": None, "simulated": 4.0}}
     axes = plot_residuals(outputs, {"MAP": 3.0}, {"doubtful": 2.5, "poor": 4.0}).axes[0]

@@ -28,10 +28,18 @@ def test_rows_are_those_of_the_circuit(healthy, ecmo, lvad):
 
 
 def test_compartments_of_a_users_own_are_shown_under_their_names(healthy):
-    own = healthy.assign(Pgraft=healthy["Pao"], Qgraft=healthy["Qao"])
+    own = healthy.assign(Pgraft=healthy["Pao"], Qgraft=healthy["Qao"], Vgraft=healthy["Vao"])
     flows, pressures = plot_mean_flows(own).axes
     assert "graft" in rows(flows)
     assert "graft" in rows(pressures)
+
+
+def test_pressures_are_those_of_compartments(healthy):
+    """The head over a connection, such as the arch vessels of a patient with regions, is no place."""
+    regional = healthy.assign(Parchupper=healthy["Pao"] - healthy["Psart"], Qarchupper=healthy["Qao"])
+    flows, pressures = plot_mean_flows(regional).axes
+    assert "arch vessels" in rows(flows)
+    assert rows(pressures) == rows(plot_mean_flows(healthy).axes[1])
 
 
 def test_numbers_beyond_a_limit_have_its_mark(ecmo_crrt):

@@ -11,6 +11,7 @@ from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.figures import (
     plot_bars,
     plot_convergence,
+    plot_distributions,
     plot_heat_map,
     plot_pairs,
     plot_sums,
@@ -148,6 +149,36 @@ def test_convergence_names_sample_sizes_and_marks_each(sizes, named):
         assert apart([t for t in axes.get_xticklabels() if t.get_text()])
         assert " ".join(filter(None, labels(axes))) == named
         assert all(line.get_marker() == "o" for line in axes.lines)
+
+
+def test_the_interval_of_a_single_sample_size_is_drawn():
+    """A band over one sample size has no width: the caption spoke of intervals that could not be seen."""
+    names = ["Rmc", "Emaxlv", "Csart"]
+    dims, shape = ("index", "rows", "output", "factor"), (1, 1, 1, len(names))
+    coordinates = {"rows": [16], "output": ["MAP"], "factor": names, "index": ["ST"]}
+    data = {"mean": [0.95, 0.4, 0.1], "spread": [np.nan] * 3, "mean_conf": [0.49] * 3}
+    variables = {name: (dims, np.reshape(each, shape)) for name, each in data.items()}
+    (axes,) = plot_convergence(xr.Dataset(variables, coordinates)).axes
+    segments = [lines.get_segments()[0] for lines in axes.collections]
+    assert [ends[1, 1] - ends[0, 1] for ends in segments] == pytest.approx([2 * 0.49 / 1.96] * 3)
+    assert len({ends[0, 0] for ends in segments}) == len(names)
+
+
+@pytest.mark.parametrize("draw", ["distributions", "bars"])
+def test_long_names_of_outputs_stay_on_the_page(indices, draw):
+    """ "lowest_drainage_pressure [mmHg]" ran off the page."""
+    outputs = ("SP", "DP", "MAP", "lowest_drainage_pressure", "PF", "ecmo.va_femoral.drainage_pressure", "CO")
+    long = replace(indices, outputs=outputs)
+    values = np.random.default_rng(1).normal(size=(32, 2, len(outputs)))
+    figure = plot_bars(long) if draw == "bars" else plot_distributions(long, values)
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for text in (axes.title, axes.xaxis.label):
+            extent = text.get_window_extent()
+            assert extent.x1 <= figure.bbox.x1, text.get_text()
+            assert extent.x0 >= figure.bbox.x0, text.get_text()
+    titles = [axes.get_title().replace("\n", "") for axes in figure.axes]
+    assert titles[: len(outputs)] == list(outputs)
 
 
 def test_long_names_of_pairs_stay_within_the_figure(indices):

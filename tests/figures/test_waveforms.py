@@ -172,3 +172,29 @@ def test_flows_of_an_ecmo_with_a_second_return_cannula_add_up():
     assert len(mean) == 5
     returned = mean["return cannula"] + mean["second return cannula"]
     assert returned == pytest.approx(mean["ECMO pump"], rel=1e-3)
+
+
+def test_a_legend_of_one_column_stands_beside_the_label_of_its_axis(ecmo):
+    """ "Volume minus mean [mL]" ran through "inferior vena cava (mean 3627 mL)" in patients with regions."""
+    volume = ecmo["Vsvn"]
+    regional = ecmo.drop_vars("Vsvn").assign(Vsvc=volume, Vivc=volume)
+    figure = plot_waveforms(regional, "systemic")
+    figure.draw_without_rendering()
+    (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left") == "Volumes")
+    legend, label = ax.get_legend().get_window_extent(), ax.yaxis.label.get_window_extent()
+    assert "inferior vena cava" in ax.get_legend().get_texts()[-1].get_text()
+    assert not legend.overlaps(label)
+    assert legend.x1 <= figure.bbox.x1
+
+
+def test_a_long_id_is_cut_only_where_the_line_is_full(ecmo):
+    """Ids ended after 44 letters, with half of the line free."""
+    names = ["Patient 17 of the cohort with a rather long pseudonym, day 3", "W" * 100, "i" * 200]
+    for name in names:
+        figure = plot_waveforms(ecmo.assign_attrs(id=name), "systemic")
+        figure.draw_without_rendering()
+        (title,) = (t for t in figure.texts if t.get_text() == figure.get_suptitle())
+        assert title.get_window_extent().x1 <= figure.bbox.x1
+        assert title.get_text().endswith(" – systemic")
+        assert (name in title.get_text()) == (name == names[0])
+        assert title.get_window_extent().x1 > 0.7 * figure.bbox.x1

@@ -36,6 +36,13 @@ def test_a_warning_has_the_number_of_the_estimate_and_what_was_measured():
     assert "measured" not in drawn(Interval(12.8, 16.3, 20.0), MAP=60.0).sentence(CONGESTION, 0.7)
 
 
+def test_an_estimate_near_the_limit_is_told_from_it():
+    """ "mean arterial pressure 65 mmHg is below 65 mmHg" contradicts itself."""
+    (target,) = (one for one in limits_of("MAP") if one.value == 65.0)
+    known = _Drawn(NO_BEAT, (), 0, {"MAP": Interval(61.6, 64.987, 68.3)}, {})
+    assert "64.99 mmHg (90 %: 61.6 to 68.3) is below 65 mmHg" in known.sentence(target, 0.5)
+
+
 def test_an_estimate_within_the_limit_may_be_beyond_it():
     known = drawn(Interval(8.0, 11.0, 14.0))
     probability = known.probability(CONGESTION)

@@ -17,7 +17,7 @@ from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
-from eclsim.identification.cohort import fit_cohort, r_squared, stem
+from eclsim.identification.cohort import fit_cohort, r_squared
 from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
 from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, checked_by_simulation, fit_cases
@@ -402,14 +402,6 @@ def test_a_study_leaves_out_patients_whose_fit_is_poor_or_ends_where_valves_stay
     assert "valves stay shut" in fitted.not_fitted[points[0].name]
     assert "31.0 standard uncertainties (MAP)" in fitted.not_fitted[points[2].name]
     assert fitted.not_fitted["line 5 (T02)"] == "SP: not a number"
-
-
-def test_names_of_files_differ_for_names_that_differ():
-    names = ["P01/1", "P01_1", "P01/1 ", "a/b/c", "ä/1", "ö/1", "../x", "x" * 100 + "/1"]
-    stems = {stem(n) for n in names}
-    assert len(stems) == len(names)
-    assert all("/" not in s and len(s) < 80 and not s.startswith(".") for s in stems)
-    assert stem("P01/1") == "P01_1"
 
 
 def test_r_squared_is_one_minus_the_share_left_over():

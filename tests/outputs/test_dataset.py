@@ -75,7 +75,8 @@ def test_a_course_is_labelled_over_time():
     assert set(course.data_vars) == {"Pao", "Qecmopump", "Vlv", "Pecmopump"}
     units = {name: course[name].attrs["units"] for name in course.data_vars}
     assert units == {"Pao": "mmHg", "Qecmopump": "mL/s", "Vlv": "mL", "Pecmopump": "mmHg"}
-    assert course["Pecmopump"].attrs["long_name"] == "head of ecmopump"
+    head = course["Pecmopump"].attrs["long_name"]
+    assert head == "head of ecmopump: pressure gained from ecmotudp to ecmotupo"
     assert course.attrs["solver"] == "semi-implicit"
 
 

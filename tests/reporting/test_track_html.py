@@ -54,6 +54,12 @@ def test_the_box_says_whether_the_last_measurement_fits(last, message):
     assert ('class="box warn"' in page) == bool(last["message"])
 
 
+def test_page_and_terminal_show_a_probability_with_the_same_digits():
+    series = content(FIRST, point("2", probability=5.9081e-07))
+    assert ">5.91e−07<" in track_page(series, {})
+    assert "5.91e-07" in series_text(series["series"][0])
+
+
 def test_the_terminal_shows_the_outputs_beside_what_was_measured():
     """It had warnings on them alone."""
     now = point("2", doubtful=["MAP"], warnings=["mean arterial pressure 80 mmHg"])

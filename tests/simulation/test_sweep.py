@@ -222,7 +222,8 @@ def test_bars_mark_the_values_with_a_broken_limit(flows):
         {"quantity": "CVP", "kind": "alarm", "at": [0, 1]},
         {"quantity": "MAP", "kind": "warning", "at": [1]},
     ]
-    table.attrs["broken"] = json.dumps([*broken, {"quantity": "pHa", "kind": "collapse", "at": [0]}])
+    broken += [{"quantity": "pHa", "kind": kind, "at": [0]} for kind in ("alarm", "collapse")]
+    table.attrs["broken"] = json.dumps(broken)
     figure = plot_sweep(table)
     bars = {
         ax.get_title(loc="left"): [line for line in ax.get_lines() if [*line.get_ydata()] == [0.02, 0.02]]
@@ -232,8 +233,24 @@ def test_bars_mark_the_values_with_a_broken_limit(flows):
     assert (alarm.get_xdata(), warning.get_xdata()) == ((1.0, 6.5), (3.0, 6.5))  # swept: 2, 4, 9
     assert (alarm.get_linestyle(), warning.get_linestyle()) == ("-", "--")
     assert sum(map(len, bars.values())) == 2
-    assert "limits broken by outputs that are not drawn: pHa (impossible)" in figure.get_supxlabel()
+    words = " ".join(figure.get_supxlabel().split())
+    assert "outputs that are not drawn: pH of the right radial artery (impossible and alarm)" in words
     assert legend_of_bars(panels_of(table), ()) == []
+
+
+def test_warnings_of_two_outputs_are_one_dashed_bar(flows):
+    """The dashes of SP filled the gaps of those of MAP, so that both looked like an alarm in grey print."""
+    table = as_table(flows)
+    limits = [
+        {"quantity": "MAP", "kind": "warning", "at": [0, 1]},
+        {"quantity": "SP", "kind": "warning", "at": [1, 2]},
+        {"quantity": "DP", "kind": "alarm", "at": [1]},
+    ]
+    table.attrs["broken"] = json.dumps(limits)
+    (ax,) = (ax for ax in plot_sweep(table).axes if ax.get_title(loc="left") == "Arterial pressure")
+    bars = [line for line in ax.get_lines() if [*line.get_ydata()] == [0.02, 0.02]]
+    assert [bar.get_linestyle() for bar in bars] == ["--", "-"]
+    assert [tuple(bar.get_xdata()) for bar in bars] == [(1.0, 11.5), (3.0, 6.5)]
 
 
 def test_limits_that_the_beats_break_are_in_the_table(flows):

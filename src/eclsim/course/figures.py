@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,16 +27,18 @@ from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.limits import consecutive_runs
+from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.reporting import style
-from eclsim.simulation.figures import draw_legend_above, legend_start
 from eclsim.simulation.panels import (
     QUANTITIES,
     BrokenLimit,
     curves_of,
     draw_bar,
     draw_broken_limits,
+    draw_legend_above,
     legend_of_bars,
     legend_of_care,
+    legend_start,
     make_room,
     panels_of,
 )
@@ -50,6 +53,8 @@ DRUG = Panel("Drug in the plasma", "mg/L", (CONCENTRATION, UNBOUND), ("bound and
 BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Smallest span of an axis in its unit, so that rounding is not shown as a curve; 0.1 for other units."""
+_NUMBER_WIDTH = 0.025
+"""Width of a digit of an event's number, as a share of the time axis."""
 MOST_ALARMS = 5
 """Largest number of alarms drawn for a band, the most probable ones."""
 
@@ -90,9 +95,9 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax in axes[max(used - 2, 0) : used]:
         ax.set_xlabel(f"Time from the start [{_time_axis_unit(result)[0]}]")
         ax.tick_params(labelbottom=True)
-    fig.suptitle(f"{style.plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
+    fig.suptitle(style.fitted_title(result.attrs["id"], " – course"), x=0.01, ha="left")
     fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=style.GREY)
-    style.write_above(fig, untrusted(result.attrs["warnings"]))
+    style.write_above(fig, [*untrusted(result.attrs["warnings"]), *_of_another_patient(result)])
     return fig
 
 
@@ -147,12 +152,33 @@ def _mark_target(ax: Axes, drug: DialysedDrug | None) -> None:
 def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: float) -> None:
     if events:
         make_room(ax, above=True)
-    for number, event in enumerate(events, start=1):
-        at = event.at_min / minutes
-        if len(hours) and at <= hours[-1]:
-            ax.axvline(at, color=style.GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
-            ax.annotate(str(number), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
-                        textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
+    end = hours[-1] if len(hours) else -np.inf
+    places = [at for event in events if (at := event.at_min / minutes) <= end]
+    for at in places:
+        ax.axvline(at, color=style.GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
+    for at, numbers in joined_numbers(places, hours[-1] - hours[0] if len(hours) else 1.0):
+        ax.annotate(numbers, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
+                    textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
+
+
+def joined_numbers(places: Sequence[float], length: float) -> list[tuple[float, str]]:
+    """Places and numbers of events; numbers that would overlap are joined at the first place, as "2–4".
+
+    Args:
+        places: places of the events on the time axis, in ascending order.
+        length: length of the time axis, in the same unit.
+    """
+    groups: list[tuple[float, int, int]] = []
+    for number, at in enumerate(places, start=1):
+        if groups and at - groups[-1][0] < _NUMBER_WIDTH * (1 + len(_span(*groups[-1][1:]))) * length:
+            groups[-1] = (*groups[-1][:2], number)
+        else:
+            groups.append((at, number, number))
+    return [(at, _span(first, last)) for at, first, last in groups]
+
+
+def _span(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first}–{last}"
 
 
 def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
@@ -237,6 +263,7 @@ def _notes(result: xr.Dataset) -> list[str]:
 def _place_of_remarks(result: xr.Dataset) -> list[str]:
     """Return a line that names the files with the remarks on a course, for which a figure has no room."""
     count = sum(len(result.attrs.get(kind, ())) for kind in ("approximations", "cautions"))
+    count -= len(_of_another_patient(result))
     if "quantile" in result.dims or not count:
         return []
     remarks = "1 remark" if count == 1 else f"{count} remarks"
@@ -244,3 +271,8 @@ def _place_of_remarks(result: xr.Dataset) -> list[str]:
         f"{remarks} on how to read this course: `warnings` in its JSON file, `approximations` and `cautions` "
         "in its NetCDF file"
     ]
+
+
+def _of_another_patient(result: xr.Dataset) -> list[str]:
+    """A sentence if the course does not begin with the beat that was measured: it concerns all numbers."""
+    return [text for text in map(str, result.attrs.get("cautions", ())) if NOT_THE_MEASURED in text]

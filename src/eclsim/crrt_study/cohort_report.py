@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.cases.fit_mark import DOUBTS
+from eclsim.crrt_study.assumptions import models_in_words
 from eclsim.crrt_study.cohort import conclusion, summaries
 from eclsim.crrt_study.ranking import place
 from eclsim.files import csv_text, json_text, write_texts
@@ -183,6 +184,7 @@ def _page(study: CohortStudy, drawn: str) -> str:
         rule=study.rule.name,
         point_table=_points_table(study),
         parameters=study.fitted.description,
+        models=models_in_words(study.fitted.cases),
     )
 
 

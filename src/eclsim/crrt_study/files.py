@@ -12,6 +12,7 @@ import xarray as xr
 
 from eclsim import files
 from eclsim.cases.fit_mark import with_doubts
+from eclsim.crrt_study.assumptions import assumptions_in_words
 from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.ranking import choice_text, first_choice
@@ -80,7 +81,7 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
              "message": f"{entry.sentence}; {entry.advice}"}
             for entry in study.unsettled
         ],
-        "assumed": list(study.assumed),
+        "assumed": assumptions_in_words(study),
         "warnings": list(study.warnings),
         "policies": {policy: _policy(study, policy) for policy in study.policies},
     }  # fmt: skip

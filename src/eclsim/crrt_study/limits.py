@@ -144,11 +144,12 @@ def largest_flows(
         flow, statuses = scheme_means["PF"].values, scheme_means["status"].values.astype(str).tolist()
         missing = speeds_without_solution(speeds.tolist(), statuses)
         values = {limit.quantity: scheme_means[limit.quantity].values for limit in rule_limits}
-        for k, margins in enumerate(_margins(values, rule_limits).values()):
+        distances = _margins(values, rule_limits)
+        for k, margins in enumerate(distances.values()):
             margin[p, s, k] = margins[speeds == case_speed][0]
             throughout[p, s, k] = bool((margins >= 0.0).all())
-            ranges[p, s, k] = limit_range(speeds, flow, margins)
             of = [o for o in rule_limits if keys[k] == o.name or (keys[k] == CRRT_LIMITS and o.of_crrt)]
+            ranges[p, s, k] = limit_range(speeds, flow, *(distances[o.name] for o in of))
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
             texts[p, s, k] = limit_range_text(ranges[p, s, k], missing, noun)
             if not any_bounded(of):
@@ -182,17 +183,20 @@ def _margins(values: Mapping[str, np.ndarray], rule_limits: tuple[Limit, ...]) -
     return margins
 
 
-def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> LimitRange:
-    """Range up to which a limit is kept: the last speed that keeps it, and what is known above it.
+def limit_range(speeds: np.ndarray, flows: np.ndarray, *distances: np.ndarray) -> LimitRange:
+    """Range up to which all limits are kept: the last speed that keeps them, and what is known above it.
 
-    Margins are interpolated between neighbouring speeds, but not across a speed without a beat.
+    Margins are interpolated between neighbouring speeds, but not across a speed without a beat. Those of
+    several limits are interpolated one by one, so that all limits are not kept further than any of them: the
+    smallest of the margins has kinks, which a smooth curve rounds off.
 
     Args:
         speeds: increasing speeds [rpm].
         flows: ECMO flow at each speed [L/min].
-        margins: distance to the limit [mmHg], negative if it is violated, inf without bounds, NaN if not
+        distances: margins of each limit [mmHg], negative if it is violated, inf without bounds, NaN if not
             known.
     """
+    margins = np.min(distances, axis=0)
     known = ~np.isnan(margins) & np.isfinite(flows)
     keeping = np.flatnonzero(known & (np.where(known, margins, -1.0) >= 0.0))
     last = int(keeping[-1]) if len(keeping) else -1
@@ -206,7 +210,12 @@ def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> L
     if not len(above):
         return LimitRange(KEPT_TO_THE_END, float(flows[last]), float(speeds[last]), float(flows[last]), lower)
     if len(broken) and broken[0] == last + 1:
-        speed, flow = _crossing(speeds[known], flows[known], margins[known], float(speeds[last]))
+        between = float(speeds[last]), float(speeds[last + 1])
+        speed, flow = min(
+            _crossing(speeds[known], flows[known], margins[known], between)
+            for margins in distances
+            if margins[last + 1] < 0.0
+        )
         return LimitRange(BROKEN_ABOVE, flow, speed, flow, lower)
     at_most = max(_next_flow(flows, broken), float(flows[last]))
     return LimitRange(NOT_KNOWN_ABOVE, float(flows[last]), float(speeds[last]), at_most, lower)
@@ -217,13 +226,17 @@ def _next_flow(flows: np.ndarray, broken: np.ndarray) -> float:
     return float(flows[broken[0]]) if len(broken) else np.inf
 
 
-def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: float) -> tuple[float, float]:
-    """Speed and flow above which the margin remains negative, by monotone cubics; `last` keeps the limit."""
+def _crossing(
+    speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, between: tuple[float, float]
+) -> tuple[float, float]:
+    """Speed and flow, between two speeds, from which the margin is negative, by monotone cubics."""
     from scipy.interpolate import PchipInterpolator
 
+    kept, broken = between
     fine = np.linspace(speeds[0], speeds[-1], FINE_POINTS)
+    fine = fine[fine <= broken]
     keeping = fine[PchipInterpolator(speeds, margins)(fine) >= 0.0]
-    speed = float(max(last, keeping[-1])) if len(keeping) else last
+    speed = float(max(kept, keeping[-1])) if len(keeping) else kept
     return speed, float(PchipInterpolator(speeds, flows)(speed))
 
 

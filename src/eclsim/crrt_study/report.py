@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eclsim.cases.fit_mark import untrusted
+from eclsim.crrt_study.assumptions import assumptions_in_words
 from eclsim.crrt_study.beats import missing_beats_text
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, limit_flow_text
 from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
 from eclsim.crrt_study.renox import compared_with_schemes
 from eclsim.crrt_study.study import CrrtStudy
 from eclsim.devices.ecmo import POSITIONS
-from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
+from eclsim.orbit.model import POLICY_WORDS
 from eclsim.patient.sites import AFTER_LUNGS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number, show_table, show_text
@@ -85,7 +86,6 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
     """Return the page; answer, ranking and figures (SVG text by name) are for the first policy studied."""
     main = study.policies[0]
     case, known = study.case, sum(r.known for r in study.ranking[main])
-    nodes = {node for scheme in study.schemes for node in scheme.nodes}
     return render(
         "crrt_study/report.html",
         title=f"CRRT on ECMO: {case.patient.id}",
@@ -111,12 +111,8 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
         limits=_limits_table(study, main),
         uncertainty=_uncertainty(study, main),
         volume=None if study.uptake is None else _volume_sentences(study, study.uptake),
-        policies=[label for policy, label in POLICY_WORDS.items() if policy in study.policies],
-        published_policy=AS_PUBLISHED in study.policies,
-        assumed=study.assumed,
+        assumed=assumptions_in_words(study),
         warnings=study.warnings,
-        lines_on_patient=not nodes <= set(POSITIONS.values()),
-        gas="SaO2" in study.means,
         drawings=drawings,
         captions=_captions(study, main, known),
     )

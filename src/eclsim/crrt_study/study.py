@@ -18,6 +18,7 @@ import xarray as xr
 from eclsim.cases.quantities import as_samples, check_samples
 from eclsim.cases.sections import AS_PUBLISHED
 from eclsim.crrt_study import beats as crrt_datasets
+from eclsim.crrt_study.assumptions import assumptions_in_words
 from eclsim.crrt_study.beats import split_differences, study_circuits, summarise, unsettled
 from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
 from eclsim.crrt_study.ranking import rank
@@ -130,7 +131,7 @@ class CrrtStudy:
             "case_speed_rpm": self.case_speed, "crrt_flow_ml_min": self.crrt_flow_ml_min,
             "rule": json.dumps(self.rule.as_object()),
             "rule_in_words": [criterion.sentence for criterion in self.rule.criteria],
-            "assumed": list(self.assumed), "warnings": list(self.warnings),
+            "assumed": assumptions_in_words(self), "warnings": list(self.warnings),
         })  # fmt: skip
 
     def as_object(self) -> dict[str, Json]:

@@ -83,7 +83,7 @@ class IabpDevice(Device[Iabp]):
     marks = {"iabp": Mark("tube", "IABP")}
     panels = (
         Panel("Aortic pressure", "mmHg", ("Pao",)),
-        Panel("Flow from the aorta into the balloon's room", "L/min", ("Qiabp",)),
+        Panel("Flow from aorta to balloon", "L/min", ("Qiabp",)),
     )
     look = Look("#3F6B2A", "#F3F8F0", 1.6, marker="h")
     nominal = {_VOLUME: 40.0, _INFLATION: NOTCH}

@@ -13,7 +13,7 @@ from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
 from eclsim.cases.reading import case_text
 from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, complete_in, json_format
-from eclsim.files import file_stem, write_text
+from eclsim.files import file_stems, write_text
 from eclsim.identification.fit import FitResult, failed_fit, fit_cases
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import FLOWS, GASES, PRESSURES, measured_and_simulated
@@ -126,14 +126,10 @@ def _write_cases(folder: Path, fits: Sequence[StoredFit]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.toml"):
         old.unlink()
-    for fit in fits:
+    stems = file_stems([fit.numbers["id"] for fit in fits])
+    for stem, fit in zip(stems, fits, strict=True):
         if fit.case is not None:
-            write_text(fit.case, folder / f"{stem(fit.numbers['id'])}.toml")
-
-
-def stem(name: str) -> str:
-    """Return a file name for a data point; different names give different file names."""
-    return file_stem(name, slashes=True)
+            write_text(fit.case, folder / f"{stem}.toml")
 
 
 def with_name(case: Case, name: str) -> Case:

@@ -31,6 +31,7 @@ DRAWN = 64
 LIKELY, POSSIBLE = 0.5, 0.25
 """Probabilities from which on a broken limit is reported: any limit, and an alarm."""
 CERTAIN = 0.99
+_MOST_DIGITS = 8
 SPREADS_OF_90 = float(2.0 * ndtri(SHARES[-1]))
 """Width of a 90 % interval in standard deviations."""
 
@@ -78,7 +79,8 @@ class _Drawn:
         """Sentence on a limit with the interval, the probability, and what was measured."""
         entry, interval = output(limit.quantity), self.interval(limit.quantity)
         unit = "" if entry.unit == "1" else f" {entry.unit}"
-        middle, low, high = (significant(v, 3) for v in (interval.median, interval.lower, interval.upper))
+        low, high = (significant(v, 3) for v in (interval.lower, interval.upper))
+        middle = _told_from(limit.value, interval.median)
         verb = "is" if probability >= LIKELY else "may be"
         group = group_of(limit.quantity)
         alike = {n: v for n, v in self.measured.items() if group_of(first_name(n)) == group}
@@ -186,6 +188,14 @@ def _second_beats(density: PosteriorDensity, z: np.ndarray) -> list[Finding]:
         Batch.of(model.with_values(numbers), density.policy), waveforms=watched_waveforms(model.circuit)
     )
     return findings_of_second_beat(beat) if beat.converged[0] else []
+
+
+def _told_from(limit: float, value: float) -> str:
+    """Format a value with three digits, or as many as it takes to tell it from a limit."""
+    digits = 3
+    while float(significant(value, digits)) == limit and digits < _MOST_DIGITS:
+        digits += 1
+    return significant(value, digits)
 
 
 def _probable(probability: float) -> str:

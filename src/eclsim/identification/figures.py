@@ -19,6 +19,7 @@ from eclsim.identification.quantities import (
     measured_and_simulated,
     unit_of,
 )
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import (
     GREY,
     OKABE_ITO,
@@ -120,7 +121,7 @@ def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: 
         lower: coordinates of the lower bounds.
         upper: coordinates of the upper bounds.
     """
-    good, number = starts.agreeing, np.arange(1, len(starts.agreeing) + 1)
+    good, order = starts.agreeing, np.arange(1, len(starts.agreeing) + 1)
     place = (starts.end - lower) / (upper - lower)
     kinds = (
         (~good, OKABE_ITO["blue"], "s", "refined, another end", 0.6),
@@ -130,12 +131,12 @@ def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: 
         fig = new_figure(height_mm=75)
         left, right = fig.subplots(1, 2, width_ratios=(1.15, 1.0))
         left.plot(
-            number, starts.first_costs, "o", mfc="none", color=GREY, markersize=4, label="explored point"
+            order, starts.first_costs, "o", mfc="none", color=GREY, markersize=4, label="explored point"
         )
         for rows, colour, mark, label, width in kinds:
             if rows.any():
                 costs = starts.last_costs[rows]
-                left.plot(number[rows], costs, mark, color=colour, markersize=4, label=label)
+                left.plot(order[rows], costs, mark, color=colour, markersize=4, label=label)
                 right.plot(range(len(names)), place[rows].T, color=colour, lw=width, alpha=0.7)
         left.set_yscale("log")
         left.xaxis.get_major_locator().set_params(integer=True)
@@ -188,7 +189,7 @@ def plot_correlation(names: Sequence[str], matrix: np.ndarray) -> Figure:
     with figure_style():
         fig = new_figure(width_mm=1.08 * side + 33.0, height_mm=side + 18.0)
         draw_matrix(
-            fig, matrix, names, names, "RdBu_r", (-1.0, 1.0), lambda v: f"{v:.2f}", lambda v: abs(v) > 0.6,
+            fig, matrix, names, names, "RdBu_r", (-1.0, 1.0), lambda v: number(v, 2), lambda v: abs(v) > 0.6,
             label="correlation of the estimates", turned=45.0, aspect="equal", pad=0.03,
         )  # fmt: skip
     return fig

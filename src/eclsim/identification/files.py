@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import DOUBTS
-from eclsim.files import csv_text, write_json, write_netcdf, write_text, write_texts
+from eclsim.files import csv_text, file_stem, file_stems, write_json, write_netcdf, write_text, write_texts
 from eclsim.identification import SUMMARY, TRACK_SUMMARY
-from eclsim.identification.cohort import fitted_text, r_squared, stem
+from eclsim.identification.cohort import fitted_text, r_squared
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.profiles import slices
@@ -102,7 +102,7 @@ def write_fits(folder: Path, content: Mapping[str, Any], refusals: Mapping[str, 
 
 def write_fitted_case(folder: Path, fit: FitResult) -> Path:
     """Write the fitted case file, with the verdict on the fit; every command accepts it."""
-    path = folder / f"{stem(fit.name)}.toml"
+    path = folder / f"{file_stem(fit.name)}.toml"
     write_text(fitted_text(fit), path)
     return path
 
@@ -192,13 +192,14 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
         for n, i in p["parameters"].items()
     )
     figures, drawings = [], {}
-    for series in content["series"]:
+    stems = file_stems([series["id"] for series in content["series"]])
+    for stem, series in zip(stems, content["series"], strict=True):
         for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
             if not any(point[key] for point in series["points"]):
                 continue
             figure = plot(series)
             write_above(figure, doubts_of_first(series), f"{plain_text(series['id'], 50)} – followed")
-            saved = save_figure(figure, folder / "figures" / f"{stem(series['id'])}_{key}")
+            saved = save_figure(figure, folder / "figures" / f"{stem}_{key}")
             figures += saved
             (svg,) = (path for path in saved if path.suffix == ".svg")
             drawings[series["id"], key] = svg.read_text(encoding="utf-8")

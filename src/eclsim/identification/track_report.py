@@ -127,7 +127,7 @@ def _patient(series: Data) -> dict[str, object]:
     points = series["points"]
     state = _state(points)
     course = [
-        (p["id"], number(p["hours_since_last"]), number(p["probability"]),
+        (p["id"], number(p["hours_since_last"]), number(p["probability"], digits=3),
          p["message"] or ("fits" if p["probability"] is not None else "first estimate"))
         for p in points
     ]  # fmt: skip

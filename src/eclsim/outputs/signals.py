@@ -101,12 +101,16 @@ def parameters_read(circuit: Circuit) -> tuple[str, ...]:
 
 
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
-    """Unit and long name of a waveform: P or V + compartment, Q + connection, P + pump (head)."""
+    """Unit and long name of a waveform: P or V + compartment, Q + connection, P + connection (head)."""
     signal = Signal.parse(name)
-    head = signal.kind is Kind.PRESSURE and signal.place in {c.name for c in circuit.connections}
-    head = head and signal.place not in {c.name for c in circuit.compartments}
-    kind_label = "head of" if head else KIND_WORDS[signal.kind]
-    return {"units": signal.kind.unit, "long_name": f"{kind_label} {signal.place}"}
+    words = f"{KIND_WORDS[signal.kind]} {signal.place}"
+    stores = {compartment.name for compartment in circuit.compartments}
+    path = next((c for c in circuit.connections if c.name == signal.place), None)
+    if path is not None and signal.kind is Kind.PRESSURE and signal.place not in stores:
+        source, target = path.sites
+        ends = isinstance(source, str) and isinstance(target, str)
+        words = f"head of {signal.place}" + (f": pressure gained from {source} to {target}" if ends else "")
+    return {"units": signal.kind.unit, "long_name": words}
 
 
 def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:

@@ -16,7 +16,7 @@ from eclsim.devices.registry import devices, naming_of, namings
 from eclsim.outputs.limits import places_with_limits
 from eclsim.outputs.registry import outputs_of_mean
 from eclsim.reporting.numbers import number
-from eclsim.reporting.style import plain_text
+from eclsim.reporting.style import PAGE_WIDTH_MM, fitted_title, plain_text
 from eclsim.units import convert, quantity_of
 
 if TYPE_CHECKING:
@@ -78,11 +78,24 @@ SIDES = ("before", "after")
 
 def case_name(result: "xr.Dataset") -> str:
     """Printable id, before or after a change, with a warning if the beat was not found or is not unique."""
-    name = plain_text(result.attrs.get("id", "case"), limit=44)
-    name = f"{name}, {result.attrs[COMPARED]}" if COMPARED in result.attrs else name
+    return plain_text(result.attrs.get("id", "case"), limit=44) + _suffix(result)
+
+
+def case_title(result: "xr.Dataset", suffix: str = "", width_mm: float = PAGE_WIDTH_MM) -> str:
+    """Return the title of a figure of the case, as `case_name`; an id is cut only where the line is full."""
+    return fitted_title(result.attrs.get("id", "case"), f"{_suffix(result)}{suffix}", width_mm)
+
+
+def _suffix(result: "xr.Dataset") -> str:
+    """What stands behind an id: before or after a change, and a doubt about the beat."""
+    side = f", {result.attrs[COMPARED]}" if COMPARED in result.attrs else ""
+    return side + _doubt(result)
+
+
+def _doubt(result: "xr.Dataset") -> str:
     if not int(result.attrs.get("converged", 1)):
-        return f"{name} (NOT CONVERGED)"
-    return f"{name} (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else name
+        return " (NOT CONVERGED)"
+    return " (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else ""
 
 
 DOUBTED = "*"
@@ -249,4 +262,6 @@ def place_label_of(signal: str) -> str:
         return "pressure rise over the pump"
     if names is not None:
         return names.place_label(signal)
+    if kind == "P" and place in CONNECTIONS and place not in COMPARTMENTS:
+        return f"pressure gained: {CONNECTIONS[place]}"
     return (CONNECTIONS if kind == "Q" else COMPARTMENTS).get(place, place)

@@ -15,7 +15,7 @@ from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.beat_values import (
     beat_mean,
-    case_name,
+    case_title,
     check_beat,
     figure_marks_at,
     figure_marks_of,
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 _SATURATION_WIDTH = 7.6
 """Width [mm] of the field that shows a saturation."""
+_TITLE_WIDTH = layout.FRAME[1] - layout.FRAME[0] + 6.0
+"""Width that the title may have [mm]; it begins left of the frames."""
 _BESIDE_SATURATION = 11
 """Number of characters that fit beside a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
@@ -169,7 +171,7 @@ class Labels:
         """Return the given title, or the name of the case."""
         if title is not None:
             return plain_text(title, 60)
-        return "Circuit" if self.result is None else case_name(self.result)
+        return "Circuit" if self.result is None else case_title(self.result, width_mm=_TITLE_WIDTH)
 
     def subtitle(self) -> str:
         """Return a description of the numbers, with the blood volume policy."""

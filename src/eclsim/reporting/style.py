@@ -4,6 +4,7 @@ Colours are those of Okabe and Ito (2008), which people with colour-blindness ca
 differ as well, so that figures can be read in grey print. Sizes are in millimetres and fit on A4.
 """
 
+import re
 import textwrap
 import unicodedata
 import warnings
@@ -14,14 +15,17 @@ from typing import Literal
 
 import matplotlib.style
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextToPath
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter, NullLocator
 
 from eclsim.files import NOTICE, VERSION_NAME, whole_file
 
-MM_PER_INCH = 25.4
+MM_PER_INCH, POINTS_PER_INCH = 25.4, 72.0
 PAGE_WIDTH_MM = 170.0
 DOTS_PER_INCH = 200
 MOST_LETTERS = 80
@@ -43,6 +47,9 @@ OKABE_ITO = {
 GREY = "#6B6B6B"
 _LETTERS_PER_MM, _LINE_MM = (0.54, 0.45), 4.0
 """Letters of smaller words and of a title that fit beside each other, and the height of a line."""
+
+_LONGEST_TITLE, _SHORTEST_TITLE = 120, 20
+"""Largest and smallest number of letters of the external text at the beginning of a title."""
 
 # Yellow is omitted: as a line on white it is too faint to print.
 CURVES: tuple[tuple[str, object], ...] = (
@@ -160,6 +167,39 @@ def plain_text(value: object, limit: int = 70) -> str:
     if len(text) > limit:
         text = text[: limit - 1] + "…"
     return text.replace("$", r"\$")
+
+
+def fitted_title(name: object, suffix: str = "", width_mm: float = PAGE_WIDTH_MM) -> str:
+    """Title of a figure that begins with external text, which is cut only where the line has no room for it.
+
+    Args:
+        name: external text, such as a patient's id.
+        suffix: rest of the title, never cut.
+        width_mm: width of the figure [mm].
+    """
+    limit = _LONGEST_TITLE
+    while limit > _SHORTEST_TITLE and _title_width_mm(plain_text(name, limit) + suffix) > 0.97 * width_mm:
+        limit -= 2
+    return plain_text(name, limit) + suffix
+
+
+def _title_width_mm(title: str) -> float:
+    """Width of a title in its font [mm]."""
+    with figure_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        font = FontProperties(size=rcParams["figure.titlesize"], weight=rcParams["figure.titleweight"])
+        points, _, _ = TextToPath().get_text_width_height_descent(title.replace(r"\$", "$"), font, False)
+    return points / POINTS_PER_INCH * MM_PER_INCH
+
+
+def broken_name(name: str, letters: int) -> str:
+    """Break a long name after underscores and dots into lines of at most so many letters, where it can be."""
+    lines = [""]
+    for part in re.findall(r"[^_.]*[_.]|[^_.]+", name):
+        if lines[-1] and len(lines[-1] + part) > letters:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def write_above(fig: Figure, sentences: Sequence[str], title: str = "") -> None:

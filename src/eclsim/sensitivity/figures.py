@@ -30,6 +30,7 @@ from eclsim.reporting.style import (
     MOST_HORIZONTAL_NAMES,
     OKABE_ITO,
     PAGE_WIDTH_MM,
+    broken_name,
     draw_matrix,
     figure_style,
     new_figure,
@@ -67,6 +68,10 @@ LONGEST_SENTENCE = 300
 """Letters of a sentence above a figure, of which no end is cut off."""
 TOO_FEW_ROWS_TEXT = "Only {} of {} rows have results: too few to rank from"
 SMALLEST_PAIR = 0.005
+_BESIDE = 0.1
+"""Distance between factors at a single sample size, in powers of 2."""
+_LETTERS_OF_A_PANEL = 0.33
+"""Letters of an output's name above or below a panel, per mm of its share of the page."""
 Layout = Literal["sums", "paper"]
 
 
@@ -193,8 +198,8 @@ def plot_bars(result: Indices) -> Figure:
     e, chosen = result.estimates, result.selected()
     longest = max(len(short_name(name)) for name in result.factors) + len(SELECTED)
     columns = int(np.clip(PAGE_WIDTH_MM // (SHORTEST_BARS_MM + LETTER_MM * longest), 1, COLUMNS))
-    fig, panels = panel_grid(len(result.outputs), columns, 44, 16)
-    for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
+    fig, panels, heads = _output_grid(result.outputs, columns, 44, 16)
+    for k, (output, axes, head) in enumerate(zip(result.outputs, panels, heads, strict=True)):
         sizes = -e.ST[k] if result.ranked else np.zeros(len(result.factors))
         order = np.argsort(sizes, kind="stable")[: min(8, len(result.factors))]
         place = np.arange(len(order))
@@ -212,7 +217,7 @@ def plot_bars(result: Indices) -> Figure:
         axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
         axes.xaxis.set_major_locator(MaxNLocator(3, steps=(1, 2, 5, 10)))
         axes.axvline(0.0, color=GREY, linewidth=0.6)
-        axes.set_title(output)
+        axes.set_title(head)
         axes.set_xlabel("index")
     ranking = "* among those that make up 90 %" if result.ranked else "not ranked: the first inputs as listed"
     _legend_below(fig, f"lines: 95 % intervals; {ranking}")
@@ -283,22 +288,28 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
     rows = numbers["rows"].values
     sums = numbers["mean"].isel(rows=-1).sum("output")
     leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
-    outputs = numbers["output"].values
-    fig, panels = panel_grid(len(outputs), COLUMNS, 42, 20)
-    for output, axes in zip(outputs, panels, strict=True):
+    outputs = numbers["output"].values.astype(str).tolist()
+    fig, panels, heads = _output_grid(outputs, COLUMNS, 42, 20)
+    for output, axes, head in zip(outputs, panels, heads, strict=True):
         for k, name in enumerate(leading):
             curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
             mean, spread = curve["mean"].values, curve["spread"].values
             spread = np.where(np.isnan(spread), curve["mean_conf"].values / 1.96, spread)
             look = {"color": colour, "linestyle": line, "marker": "o", "markersize": 2}
-            axes.plot(rows, mean, label=short_name(name), **look)
-            axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
+            places = rows if len(rows) > 1 else rows * 2.0 ** (_BESIDE * (k - (len(leading) - 1) / 2))
+            axes.plot(places, mean, label=short_name(name), **look)
+            if len(rows) > 1:
+                axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
+            else:
+                axes.errorbar(places, mean, spread, fmt="none", ecolor=colour, elinewidth=0.9, capsize=2)
         axes.set_xscale("log", base=2)
+        if len(rows) == 1:
+            axes.set_xlim(rows[0] / 2.0, rows[0] * 2.0)
         step = -(-len(rows) // MOST_SIZES)
         named = rows[::-1][::step]
         axes.set_xticks(rows, [str(n) if n in named else "" for n in rows])
         axes.minorticks_off()
-        axes.set_title(str(output))
+        axes.set_title(head)
         axes.set_xlabel("rows N")
         axes.set_ylabel("$S_T$")
     _legend_below(fig, "mean ± standard deviation over repeats; of a single repeat from the bootstrap")
@@ -310,19 +321,29 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
     """Histograms of the outputs over the sampled inputs (points A and B), with median and central 90 %."""
     points = np.concatenate([values[:, 0], values[:, -1]])
     bins = int(np.clip(np.sqrt(len(points)), 8, 40))
-    fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
-    for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
+    fig, (*panels, legend_panel), heads = _output_grid([*result.outputs, ""], COLUMNS, 40, 4)
+    for k, (output, axes, head) in enumerate(zip(result.outputs, panels, heads, strict=False)):
         low, middle, high = np.quantile(points[:, k], (0.05, 0.5, 0.95))
         axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
         axes.axvline(middle, color="black", linewidth=1.0, label="median")
         axes.axvspan(low, high, color=GREY, alpha=0.15, lw=0, label="central 90 %")
         unit = output_unit(output)
-        axes.set_title(output)
-        axes.set_xlabel(f"{output} [{unit}]" if unit else output)
+        axes.set_title(head)
+        axes.set_xlabel(f"{head} [{unit}]" if unit else head)
         of = f"({unit})" if "/" in unit else unit
         axes.set_ylabel(f"density [1/{of}]" if unit else "density")
     _legend(legend_panel, panels[0], f"{len(points)} runs")
     return fig
+
+
+def _output_grid(
+    outputs: Sequence[str], columns: int, row_mm: float, margin_mm: float
+) -> tuple[Figure, list[Axes], list[str]]:
+    """Panels for outputs, and the outputs' names in lines as wide as a panel, for which rows are higher."""
+    letters = int(_LETTERS_OF_A_PANEL * PAGE_WIDTH_MM / min(columns, len(outputs)))
+    heads = [broken_name(output, letters) for output in outputs]
+    lines = max(head.count("\n") for head in heads)
+    return *panel_grid(len(outputs), columns, row_mm + 7.0 * lines, margin_mm), heads
 
 
 def output_unit(name: str) -> str:

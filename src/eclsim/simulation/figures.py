@@ -28,6 +28,7 @@ from eclsim.reporting.beat_values import (
     beat_mean,
     beat_period,
     case_name,
+    case_title,
     check_beat,
     figure_marks_at,
     figure_marks_in,
@@ -51,6 +52,7 @@ from eclsim.reporting.style import (
     PAGE_WIDTH_MM,
     curve_style,
     figure_style,
+    fitted_title,
     new_figure,
     plain_text,
     save_figure,
@@ -60,8 +62,10 @@ from eclsim.simulation.panels import (
     BrokenLimit,
     curves_of,
     draw_broken_limits,
+    draw_legend_above,
     legend_of_bars,
     legend_of_care,
+    legend_start,
     panels_of,
 )
 
@@ -171,7 +175,7 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
         reason = unknown or " is not in this result"
         raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
     names = _instances(result).get(part)
-    title = f"{case_name(result)} – {part if names is None else names.cut(names.label, 56)}"
+    title = case_title(result, f" – {part if names is None else names.cut(names.label, 56)}")
     return _draw_panels(result, PARTS[part] if names is None else names.panels(), title, names=names)
 
 
@@ -186,7 +190,7 @@ def plot_overview(result: xr.Dataset) -> Figure:
         Panel("Flows", "L/min", ("Qlv", *(f"Q{pump}" for pump in pumps))),
         Panel("Ventricles", "mL", ("Vlv", "Vrv")),
     )
-    return _draw_panels(result, panels, case_name(result), note)
+    return _draw_panels(result, panels, case_title(result), note)
 
 
 @figure_style()
@@ -234,31 +238,9 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int, ti
     ax.set_ylabel(f"{quantity} [{panel.unit}]")
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
-    start = legend_start([_curve_label(name, titled) for name in names])
-    draw_legend_above(ax, panel.title, legend_rows, _legend_columns(panel), start)
-
-
-def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
-    """Draw a legend above the axes, from a place in widths of the axes, and a title above its rows."""
-    ax.set_title(title, loc="left", pad=3 + 11.5 * rows)
-    ax.legend(
-        loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
-        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
-    )  # fmt: skip
-
-
-def legend_start(labels: list[str]) -> float:
-    """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
-
-    Otherwise it would extend beyond the axes to the edge of the page.
-    """
-    columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
-    long = sum(max(map(len, column), default=0) for column in columns) > _CHARACTERS_ABOVE_AXES
-    return -0.19 if long else 0.0
-
-
-_CHARACTERS_ABOVE_AXES = 34
-"""Number of characters of two legend columns that fit above the axes."""
+    columns = _legend_columns(panel)
+    start = legend_start([str(line.get_label()) for line in ax.get_lines()], columns)
+    draw_legend_above(ax, panel.title, legend_rows, columns, start)
 
 
 def _widen_flat_axis(ax: Axes) -> None:
@@ -308,17 +290,18 @@ def plot_mean_flows(result: xr.Dataset) -> Figure:
         ax.set_ylim(height - 0.4, -0.6)
     if legend := meaning_of_figure_marks(row.signs for row in (*flows, *pressures)):
         fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
-    fig.suptitle(case_name(result), x=0.01, ha="left")
+    fig.suptitle(case_title(result), x=0.01, ha="left")
     return fig
 
 
 def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
     """Rows of one chart, those of the patient before those of devices.
 
-    Waveforms that are in no table are last in the patient's group, with their own names.
+    Waveforms that are in no table are last in the patient's group, with their own names; pressures are those
+    of compartments.
     """
     waveforms = _places_of_curves(result, kind)
-    heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
+    heads = {name for name in waveforms if kind == "P" and _is_head(result, name)}
     unlisted = [name for name in waveforms if name not in patients and naming_at(name) is None]
     rows = [("Patient", _PATIENT, n) for n in (*patients, *unlisted) if n in waveforms and n not in heads]
     for names in instances_at(waveforms):
@@ -346,9 +329,12 @@ def _row_label(kind: str, place: str) -> str:
     return plain_text(label if names is None else names.cut(label, _ROW_CHARACTERS), _ROW_CHARACTERS)
 
 
-def _is_pump(name: str) -> bool:
+def _is_head(result: xr.Dataset, name: str) -> bool:
+    """Whether a pressure is that gained along a connection: of a pump, or of a place that holds no blood."""
     names = naming_at(name)
-    return name.endswith("pump") if names is None else name in names.pumps()
+    if names is not None:
+        return name in names.pumps()
+    return name not in COMPARTMENTS and f"Q{name}" in result and f"V{name}" not in result
 
 
 def _places_of_curves(result: xr.Dataset, kind: str) -> list[str]:
@@ -442,7 +428,8 @@ def plot_pressure_volume(
         )
     elif meaning:
         fig.supxlabel(meaning, fontsize=7.5, x=0.01, ha="left", color=GREY)
-    fig.suptitle("Pressure-volume loops" if len(cases) > 1 else names[0], x=0.01, ha="left")
+    title = "Pressure-volume loops" if len(cases) > 1 else names[0] if labels else case_title(cases[0])
+    fig.suptitle(title, x=0.01, ha="left")
     return fig
 
 
@@ -520,7 +507,7 @@ def plot_sweep(table: xr.Dataset) -> Figure:
         draw_broken_limits(ax, panel, broken)
     for ax in axes[len(panels) :]:
         ax.remove()
-    title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
+    title = fitted_title(table.attrs["id"], f" – {plain_text(table.attrs['key'], 40)}")
     fig.suptitle(title, x=0.01, ha="left")
     if notes := "\n".join((*legend_of_bars(panels, broken), *legend_of_care(table, panels), *_notes(table))):
         fig.supxlabel(notes, fontsize=7.5, x=0.01, ha="left", color=GREY)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -117,13 +118,25 @@ def _doubted(table: xr.Dataset, name: str) -> bool:
 
 
 def draw_broken_limits(ax: Axes, panel: Panel, broken: Sequence[BrokenLimit]) -> None:
-    """Draw bars at the bottom where an output of the panel violates a limit, the most severe on top."""
+    """Draw bars at the bottom where outputs of the panel violate limits, the most severe on top."""
     names = set(map(first_name, panel.names))
     shown = [one for one in broken if one.kind in _BARS and first_name(one.quantity) in names]
     if shown:
         make_room(ax, below=True)
-    for one in sorted(shown, key=lambda one: list(_BARS).index(one.kind), reverse=True):
-        draw_bar(ax, (one.begin, one.end), 0.02, solid_capstyle="butt", **_BARS[one.kind])
+    for kind in reversed(_BARS):
+        for ends in _united((one.begin, one.end) for one in shown if one.kind == kind):
+            draw_bar(ax, ends, 0.02, solid_capstyle="butt", **_BARS[kind])
+
+
+def _united(spans: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Spans without overlaps, as dashes of two bars would fill each other's gaps."""
+    result: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if result and begin <= result[-1][1]:
+            result[-1] = result[-1][0], max(end, result[-1][1])
+        else:
+            result.append((begin, end))
+    return result
 
 
 def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> list[str]:
@@ -137,10 +150,19 @@ def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> li
             f"bars: an output of the panel is in alarm (red) or warning (orange, dashed){impossible}"
         )
     groups = set(map(group_of, names))
-    further = (one for one in limits if find_output(one.quantity) and group_of(one.quantity) not in groups)
-    if hidden := dict.fromkeys(f"{one.quantity} ({LABELS.get(one.kind, one.kind)})" for one in further):
-        lines += textwrap.wrap(f"limits broken by outputs that are not drawn: {', '.join(hidden)}", 110)
+    hidden: dict[str, set[str]] = {}
+    for one in limits:
+        if (entry := find_output(one.quantity)) and group_of(one.quantity) not in groups:
+            hidden.setdefault(entry.long_name, set()).add(one.kind)
+    if hidden:
+        named = (f"{name} ({_kinds_in_words(kinds)})" for name, kinds in hidden.items())
+        lines += textwrap.wrap(f"limits broken by outputs that are not drawn: {', '.join(named)}", 110)
     return lines
+
+
+def _kinds_in_words(kinds: set[str]) -> str:
+    """Kinds of limits, the gravest first."""
+    return " and ".join(LABELS.get(kind, kind) for kind in _BARS if kind in kinds)
 
 
 def make_room(ax: Axes, *, below: bool = False, above: bool = False) -> None:
@@ -153,3 +175,26 @@ def make_room(ax: Axes, *, below: bool = False, above: bool = False) -> None:
 def draw_bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: object) -> None:
     """Draw a bar between two places at a height in that of the axes."""
     ax.add_line(Line2D(ends, [height, height], transform=ax.get_xaxis_transform(), **look))  # pyright: ignore[reportArgumentType] - keywords of a line
+
+
+def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
+    """Draw a legend above the axes, from a place in widths of the axes, and a title above its rows."""
+    ax.set_title(title, loc="left", pad=3 + 11.5 * rows)
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
+    )  # fmt: skip
+
+
+def legend_start(labels: list[str], columns: int = 2) -> float:
+    """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
+
+    Otherwise it would extend beyond the axes to the edge of the page.
+    """
+    rows = max(math.ceil(len(labels) / columns), 1)
+    widths = (max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows))
+    return -0.19 if sum(widths) > _CHARACTERS_ABOVE_AXES[columns] else 0.0
+
+
+_CHARACTERS_ABOVE_AXES = {1: 42, 2: 34}
+"""Number of characters of a legend that fit above the axes, by its number of columns."""
