@@ -260,9 +260,10 @@ def test_after_many_failures_from_everywhere_attempts_take_turns(monkeypatch):
     async def slept(seconds):
         waits.append(seconds)
 
-    rules = Rules(HOSTS, "", SignIns(PASSWORD, lambda: 0.0))
+    signed_in = SignIns(PASSWORD, lambda: 0.0)
+    rules = Rules(HOSTS, "", signed_in)
     for k in range(MOST_FAILURES_TOGETHER):
-        rules.signed_in.try_body(b"password=wrong", f"10.0.0.{k}")
+        signed_in.try_body(b"password=wrong", f"10.0.0.{k}")
     monkeypatch.setattr(guard.asyncio, "sleep", slept)
     statuses = [sign_in(rules, PASSWORD, peer=f"10.1.0.{k}").status for k in range(12)]
     assert statuses == [303] * 11 + [429]

@@ -104,7 +104,7 @@ def test_messages_that_no_browser_sends_end_their_connection_and_leave_no_traceb
             socket_.send(message)
             with pytest.raises(ConnectionClosedError) as closed:
                 socket_.recv(timeout=20)
-            assert closed.value.rcvd.code == 1008
+            assert "1008" in str(closed.value)
     served.process.terminate()
     logged = served.process.stderr.read().decode()
     assert logged.count("a message from a browser could not be read") == 5

@@ -34,7 +34,7 @@ SKIP_TO_KNOBS = "(event) => { event.preventDefault(); document.querySelector('.e
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
 
-Message = Mapping[str, object]
+Message = Mapping[str, Any]
 """Message of a view in the browser; its content cannot be trusted."""
 
 

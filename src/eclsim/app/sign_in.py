@@ -9,7 +9,7 @@ import os
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -140,7 +140,7 @@ def _digest(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
-def _is_recent(failures: deque[float] | tuple[()], most: int, now: float) -> bool:
+def _is_recent(failures: Sequence[float], most: int, now: float) -> bool:
     """Whether as many failures as allowed lie within the time in which they count."""
     return len(failures) == most and now - failures[0] < FAILURES_WITHIN_S
 
