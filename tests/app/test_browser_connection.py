@@ -261,6 +261,24 @@ def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, with_password):
     page.close()
 
 
+def test_who_signs_out_leaves_nothing_in_the_tab_and_other_tabs_are_cut_off(browser, with_password):
+    context = browser.new_context(viewport=LAPTOP, reduced_motion="reduce")
+    page, other = context.new_page(), context.new_page()
+    page.goto(with_password.url)
+    sign_in(page)
+    other.goto(with_password.url)
+    other.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+    turn(page, "patient.heart_rate_bpm", "99")
+    page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
+    page.get_by_role("button", name="Sign out").click()
+    page.get_by_label("Password").wait_for()
+    kept = page.evaluate("Object.keys(sessionStorage).filter((name) => name.startsWith('eclsim-'))")
+    assert kept == []
+    assert context.cookies() == []
+    status(other).to_have_text(text("signed_out", what="Healthy adult"), timeout=60_000)
+    context.close()
+
+
 def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, open_page, served):
     names = open_page("healthy").evaluate(
         "JSON.parse(document.querySelector('script[type=importmap]').textContent).imports"

@@ -22,10 +22,13 @@ from eclsim.app.files import (
     with_speeds,
 )
 from eclsim.app.knobs import connect, turn
+from eclsim.app.provenance import opened_state
 from eclsim.app.state import PageState, preset_state
 from eclsim.app.texts import text
+from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import MAXIMUM_BYTES, case_text
+from eclsim.cases.sections import Measurements
 from eclsim.course.engine import CourseOptions
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.files import file_stem
@@ -191,6 +194,30 @@ def test_an_exported_case_with_events_names_the_command_that_gives_the_course_of
         assert line.endswith(f"eclsim course {name} {how} --out {name.removesuffix('.toml')}")
         assert parse_file(name, content).cases[0][1].events == state.case.events
     assert "eclsim course" not in export(PageState(PRESETS["healthy"].case()), "case")[1].decode()
+
+
+@pytest.mark.slow
+def test_the_case_beside_an_exported_course_says_all_that_the_exported_case_says():
+    """It lacked the verdict on the fit, and that its measurements are of before the change."""
+    case = PRESETS["paper"].case().model_copy(update={"measurements": Measurements(MAP=80.0, CO=1.4)})
+    state = opened_state(with_event(case, BLEEDING), "p.toml", FitMark("doubtful", is_changed=False))
+    state = state.with_case(turn(state.case, "ecmo.speed_rpm", 3000))
+    name, content = export(state, "case", 30)
+    with zipfile.ZipFile(io.BytesIO(export(state, "course", 30)[1])) as archive:
+        beside = archive.read(name)
+    lines = [line for line in content.decode().splitlines() if line.startswith("# ")]
+    assert beside.decode().splitlines()[: len(lines)] == lines
+    assert "Fit: doubtful" in lines[0]
+    assert lines[1] == f"# {text('export_measured_before')}"
+    assert lines[2].startswith(f"# {text('export_replay')} eclsim course {name}")
+
+
+@pytest.mark.parametrize("value", ["nan", '"NA"', '"-"'])
+def test_an_opened_file_says_which_measurements_are_left_out(value):
+    """The command line noted it; the page took the value for not measured and said nothing."""
+    written = case_text(PRESETS["paper"].case()) + f"\n[measurements]\nCO = 1.4\nMAP = {value}\n"
+    opened = parse_file("p.toml", written.encode())
+    assert any(f"measurements.MAP = {value}: not measured, so not fitted" in line for line in opened.remarks)
 
 
 @pytest.mark.slow

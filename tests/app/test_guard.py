@@ -5,16 +5,8 @@ import asyncio
 import pytest
 
 from eclsim.app import guard
-from eclsim.app.guard import (
-    LARGEST_BODY,
-    MOST_FAILURES,
-    SESSION_LASTS_S,
-    Guard,
-    PasswordFileError,
-    Rules,
-    SignIns,
-    read_password,
-)
+from eclsim.app.guard import LARGEST_BODY, Guard, Rules
+from eclsim.app.sign_in import MOST_FAILURES, MOST_FAILURES_TOGETHER, SignIns
 
 HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
@@ -46,8 +38,8 @@ class Answer:
         ).decode()
 
 
-def ask(rules=None, method="GET", path="/", headers=(), body=(b"",), kind="http", wait=0.0):
-    """One request; `body` in pieces, `wait` seconds before each."""
+def ask(rules=None, method="GET", path="/", headers=(), body=(b"",), kind="http", wait=0.0, **more):
+    """One request; `body` in pieces, `wait` seconds before each; `more` is put in the scope."""
     pieces = list(body)
 
     async def run():
@@ -66,6 +58,7 @@ def ask(rules=None, method="GET", path="/", headers=(), body=(b"",), kind="http"
         result = {"host": "127.0.0.1:8080", **dict(headers)}
         raw = [(k.encode(), v.encode()) for k, v in result.items()]
         scope = {"type": kind, "method": method, "path": path, "headers": raw, "scheme": "http"}
+        scope |= {"client": ("127.0.0.1", 50000), **more}
         await Guard(inner, rules or Rules(HOSTS))(scope, receive, send)
         return Answer(sent)
 
@@ -166,9 +159,9 @@ def test_a_path_that_only_begins_like_the_root_path_is_not_it():
 PASSWORD = "correct horse battery"
 
 
-def sign_in(rules, password):
+def sign_in(rules, password, headers=(), peer="127.0.0.1"):
     body = ("password=" + password.replace(" ", "+")).encode()
-    return ask(rules, "POST", "/sign-in", body=(body,))
+    return ask(rules, "POST", "/sign-in", headers=headers, body=(body,), client=(peer, 50000))
 
 
 @pytest.fixture
@@ -194,10 +187,87 @@ def test_with_it_a_cookie_lets_in(locked):
     assert ask(locked, kind="websocket", path="/_nicegui_ws/", headers=pair).kinds == ["websocket.accept"]
 
 
-def test_behind_https_the_cookie_is_for_https_alone(locked):
-    body = b"password=" + PASSWORD.replace(" ", "+").encode()
-    answer = ask(locked, "POST", "/sign-in", headers={"x-forwarded-proto": "https"}, body=(body,))
-    assert "Secure" in answer.headers["set-cookie"]
+@pytest.mark.parametrize(("proxies", "is_secure"), [(frozenset({"127.0.0.1"}), True), (frozenset(), False)])
+def test_behind_a_named_proxy_with_https_the_cookie_is_for_https_alone(proxies, is_secure):
+    rules = Rules(HOSTS, "", SignIns(PASSWORD), proxies)
+    answer = sign_in(rules, PASSWORD, {"x-forwarded-proto": "https"})
+    assert ("Secure" in answer.headers["set-cookie"]) == is_secure
+
+
+def test_a_sender_that_says_to_be_another_is_braked_all_the_same():
+    """Each attempt came with an address of its own, and none was refused."""
+    rules = Rules(HOSTS, "", SignIns(PASSWORD, lambda: 0.0))
+    for k in range(MOST_FAILURES):
+        assert sign_in(rules, "wrong", {"x-forwarded-for": f"10.0.0.{k}"}).status == 401
+    assert sign_in(rules, PASSWORD, {"x-forwarded-for": "10.0.0.99"}).status == 429
+
+
+@pytest.mark.parametrize("sent_before", ["", "10.9.9.{k}, "])
+def test_behind_a_named_proxy_the_address_that_it_wrote_itself_is_braked(sent_before):
+    """A proxy that appends leaves what the client sent in front of the address it saw."""
+    rules = Rules(HOSTS, "", SignIns(PASSWORD, lambda: 0.0), frozenset({"192.0.2.1"}))
+
+    def attempt(password, address, k):
+        forwarded = {"x-forwarded-for": sent_before.format(k=k) + address}
+        return sign_in(rules, password, forwarded, peer="::ffff:192.0.2.1").status
+
+    assert [attempt("wrong", "203.0.113.5", k) for k in range(MOST_FAILURES)] == [401] * MOST_FAILURES
+    assert attempt(PASSWORD, "203.0.113.5", 99) == 429
+    assert attempt(PASSWORD, "203.0.113.6", 99) == 303
+
+
+def test_headers_of_a_proxy_reach_the_page_from_a_named_one_only(caplog):
+    seen = []
+
+    async def inner(scope, receive, send):
+        seen.append((scope["client"][0], sorted(k for k, _ in scope["headers"])))
+
+    def request(guard, peer):
+        raw = [(b"host", b"localhost"), (b"x-forwarded-for", b"10.0.0.1"), (b"x-forwarded-prefix", b"/x")]
+        scope = {"type": "http", "method": "GET", "path": "/", "headers": raw, "client": (peer, 1)}
+
+        async def receive():
+            return {"type": "http.request", "body": b"", "more_body": False}
+
+        asyncio.run(guard(scope, receive, receive))
+
+    guard = Guard(inner, Rules(HOSTS, proxies=frozenset({"::1"})))
+    for peer in ("::1", "127.0.0.1", "127.0.0.1"):
+        request(guard, peer)
+    every = [b"host", b"x-forwarded-for", b"x-forwarded-prefix"]
+    assert seen == [("10.0.0.1", every), ("127.0.0.1", [b"host"]), ("127.0.0.1", [b"host"])]
+    assert [record.getMessage() for record in caplog.records] == [
+        "X-Forwarded-For from 127.0.0.1 is ignored: if this is your reverse proxy, add --proxy 127.0.0.1"
+    ]
+
+
+def test_who_signs_out_must_sign_in_again():
+    rules = Rules(HOSTS, "/bed", SignIns(PASSWORD))
+    pair = {"cookie": sign_in(rules, PASSWORD).headers["set-cookie"].split(";")[0]}
+    assert ask(rules, headers=pair).status == 200
+    assert ask(rules, path="/sign-out", headers=pair).status == 404  # a link elsewhere signs nobody out
+    answer = ask(rules, "POST", "/sign-out", headers=pair)
+    assert (answer.status, answer.headers["location"]) == (303, "/bed/sign-in")
+    assert answer.headers["set-cookie"].startswith("eclsim_session=; Path=/bed;")
+    assert "Max-Age=0" in answer.headers["set-cookie"]
+    assert ask(rules, headers=pair).status == 303
+    assert ask(method="POST", path="/sign-out").status == 404  # without a password, nobody signed in
+
+
+def test_after_many_failures_from_everywhere_attempts_take_turns(monkeypatch):
+    waits = []
+
+    async def slept(seconds):
+        waits.append(seconds)
+
+    signed_in = SignIns(PASSWORD, lambda: 0.0)
+    rules = Rules(HOSTS, "", signed_in)
+    for k in range(MOST_FAILURES_TOGETHER):
+        signed_in.try_body(b"password=wrong", f"10.0.0.{k}")
+    monkeypatch.setattr(guard.asyncio, "sleep", slept)
+    statuses = [sign_in(rules, PASSWORD, peer=f"10.1.0.{k}").status for k in range(12)]
+    assert statuses == [303] * 11 + [429]
+    assert [wait for wait in waits if wait] == [*range(1, 11)]
 
 
 def test_guessing_is_slowed_down():
@@ -210,35 +280,9 @@ def test_guessing_is_slowed_down():
     assert sign_in(rules, PASSWORD).status == 303
 
 
-def test_a_session_ends():
-    now = [0.0]
-    signed_in = SignIns(PASSWORD, lambda: now[0])
-    token, _, _ = signed_in.try_body(b"password=" + PASSWORD.replace(" ", "+").encode())
-    assert token is not None
-    assert signed_in.is_signed_in(token)
-    now[0] = SESSION_LASTS_S + 1
-    assert not signed_in.is_signed_in(token)
-
-
 @pytest.mark.parametrize("body", [b"", b"\xff\xfe", b"password", b"a=b&" * 100, b"password=" + b"x" * 5000])
 def test_nonsense_at_the_door_is_refused(locked, body):
     assert ask(locked, "POST", "/sign-in", body=(body,)).status in (401, 413)
-
-
-def test_password_files(tmp_path):
-    file = tmp_path / "password"
-    file.write_text(PASSWORD + "\n")
-    file.chmod(0o600)
-    assert read_password(str(file)) == PASSWORD
-    file.chmod(0o644)
-    with pytest.raises(PasswordFileError, match="chmod 600"):
-        read_password(str(file))
-    file.chmod(0o600)
-    file.write_text("short\n")
-    with pytest.raises(PasswordFileError, match="10 characters"):
-        read_password(str(file))
-    with pytest.raises(PasswordFileError, match="cannot be read"):
-        read_password(str(tmp_path / "none"))
 
 
 OWN = "http://127.0.0.1:8080"
@@ -262,10 +306,28 @@ OWN = "http://127.0.0.1:8080"
     ],
 )
 def test_an_origin_is_the_pages_own_with_scheme_and_port_or_it_is_foreign(origin, more, status):
-    headers = {"origin": origin, **more}
-    assert ask(method="POST", path="/_nicegui/x", headers=headers).status == status
-    opened = ask(kind="websocket", path="/_nicegui_ws/socket.io", headers=headers).kinds
+    headers, rules = {"origin": origin, **more}, Rules(HOSTS, proxies=frozenset({"127.0.0.1"}))
+    assert ask(rules, method="POST", path="/_nicegui/x", headers=headers).status == status
+    opened = ask(rules, kind="websocket", path="/_nicegui_ws/socket.io", headers=headers).kinds
     assert opened == ["websocket.accept" if status == 200 else "websocket.close"]
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "status"),
+    [("https://localhost", "localhost", 200), ("https://localhost:8443", "localhost:8443", 403)],
+)
+def test_the_scheme_that_an_unnamed_proxy_says_does_not_count(origin, host, status):
+    """At the usual ports, HTTPS works without it; at others the proxy must be named."""
+    headers = {"origin": origin, "host": host, "x-forwarded-proto": "https"}
+    assert ask(method="POST", path="/_nicegui/x", headers=headers).status == status
+
+
+def test_requests_that_poll_and_sockets_are_read_before_the_libraries_read_them():
+    polling = "/_nicegui_ws/socket.io/"
+    assert ask(method="POST", path=polling, body=(b'42["ack"', b",{}]")).status == 400
+    message = b'42["ack",{"client_id":"x","next_message_id":3}]'
+    assert ask(method="POST", path=polling, body=(message[:9], message[9:])).text.endswith(f" {len(message)}")
+    assert ask(path=polling, query_string=b"implicit_handshake=true&client_id=x").status == 400
 
 
 def test_another_site_can_not_poll_the_socket_either():
@@ -280,18 +342,3 @@ def test_another_site_can_link_to_the_page_but_not_load_it_unseen():
     assert ask(headers={**foreign, "sec-fetch-mode": "navigate"}).status == 200
     for mode in ("no-cors", "cors", "same-origin"):
         assert ask(headers={**foreign, "sec-fetch-mode": mode}).status == 403
-
-
-def test_who_tries_passwords_keeps_nobody_else_out():
-    signed_in = SignIns("a long password", clock=lambda: 0.0)
-    for _ in range(MOST_FAILURES):
-        assert signed_in.try_body(b"password=wrong", "10.0.0.1")[1] == 401
-    assert signed_in.try_body(b"password=a+long+password", "10.0.0.1")[1] == 429
-    assert signed_in.try_body(b"password=a+long+password", "10.0.0.2")[1] == 303
-
-
-def test_failures_of_many_addresses_take_little_memory():
-    signed_in = SignIns("a long password", clock=lambda: 0.0)
-    for k in range(1100):
-        signed_in._remember_failure(f"10.0.{k // 250}.{k % 250}", 0.0)
-    assert len(signed_in._failures) == 1000

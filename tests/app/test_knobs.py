@@ -16,6 +16,7 @@ from eclsim.app.knobs import (
     turn,
     value_of,
 )
+from eclsim.app.remarks import beside_knob
 from eclsim.app.state import PageState
 from eclsim.app.texts import ENGLISH
 from eclsim.cases.presets import PRESETS
@@ -81,7 +82,7 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
         ("", "needed"),
         ("1e400", "too large"),
         ("-3", "outside"),
-        ("nan", "needed"),
+        ("nan", "not a number"),
         ("3000 rpm", "did you mean 3000"),
         ("<script>alert(1)</script>", "not a number"),
     ],
@@ -106,6 +107,23 @@ def test_three_decimals_are_meant_where_a_quantity_has_decimals():
 
 def test_typed_digits_count_as_a_number():
     assert turn(CASES["paper"], "ecmo.speed_rpm", " 3050 ").ecmo.speed_rpm == 3050
+
+
+@pytest.mark.parametrize("typed", ["nan", "NaN", "Infinity", "abc"])
+def test_what_is_no_number_is_called_so(typed):
+    """nan "was not given", and needed "where the key is written"."""
+    with pytest.raises(CaseError) as refused:
+        turn(CASES["paper"], "ecmo.speed_rpm", typed)
+    said = beside_knob(refused.value.mistakes[0], CASES["paper"])
+    assert said == f'"{typed}": not a number; allowed: 0 to 10000 rpm'
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("３０５０", "3050"), ("٣٠50", "3050"), ("３ rpm", "")])
+def test_digits_of_other_scripts_are_not_read_in_silence(typed, meant):
+    with pytest.raises(CaseError) as refused:
+        turn(CASES["paper"], "ecmo.speed_rpm", typed)
+    assert refused.value.mistakes[0].message == "digits other than 0 to 9"
+    assert refused.value.mistakes[0].suggestion == meant
 
 
 @pytest.mark.parametrize("key", ["patient.id", "parameters.Rao", "lvad.speed_rpm", "__class__", ""])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 import time
 import urllib.error
 import urllib.parse
@@ -87,6 +89,49 @@ def test_what_a_stranger_tries(served):
         == 413
     )
     assert status(served.url + "/favicon.ico") == 200
+
+
+def test_messages_that_no_browser_sends_end_their_connection_and_leave_no_traceback(serving):
+    """Each left some twenty lines of a library in the log."""
+    client = pytest.importorskip("websockets.sync.client", reason="speaks to the server as no browser does")
+    from websockets.exceptions import ConnectionClosedError
+
+    served = serving()
+    address = served.url.replace("http", "ws") + "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+    for message in ("42", "42[", '42["event",null]', "9zzz", '42["event",{"id":1,"args":[NaN]}]'):
+        with client.connect(address) as socket_:
+            socket_.recv(timeout=20)
+            socket_.send(message)
+            with pytest.raises(ConnectionClosedError) as closed:
+                socket_.recv(timeout=20)
+            assert "1008" in str(closed.value)
+    served.process.terminate()
+    logged = served.process.stderr.read().decode()
+    assert logged.count("a message from a browser could not be read") == 5
+    assert "Traceback" not in logged
+
+
+def test_addresses_sent_by_a_client_do_not_loosen_the_brake_on_passwords(serving, tmp_path):
+    """uvicorn trusts X-Forwarded-For of this machine unless told otherwise."""
+    secret = tmp_path / "password.txt"
+    secret.write_text("correct horse battery\n")
+    secret.chmod(0o600)
+    served = serving("--password-file", str(secret), "--proxy", "192.0.2.1")
+
+    def attempt(k: int) -> int:
+        forwarded = {"X-Forwarded-For": f"10.0.0.{k}"}
+        return status(served.url + "/sign-in", data=b"password=wrong", headers=forwarded)
+
+    assert [attempt(k) for k in range(11)] == [401] * 10 + [429]
+
+
+def test_a_port_in_use_is_said_in_one_line_and_no_address_is_promised(served):
+    port = str(urllib.parse.urlsplit(served.url).port)
+    command = [sys.executable, "-m", "eclsim", "app", "--port", port]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: --port {port}: already in use at 127.0.0.1; ")
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_slow_visitor_is_let_go(served, slow_visitor):

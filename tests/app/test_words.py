@@ -8,8 +8,10 @@ import pytest
 import eclsim.app
 from eclsim.app.files import KINDS
 from eclsim.app.page import VIEWS
-from eclsim.app.texts import ENGLISH, beside_field, in_page_words, with_minus
+from eclsim.app.texts import ENGLISH, beside_field, in_page_words, text, with_minus
 from eclsim.course.gases import NOT_FOLLOWED
+from eclsim.identification.fitted_parameters import FittedParameter, nothing_identifiable
+from eclsim.identification.verdict import single_start
 from eclsim.inputs.mistakes import Mistake
 from eclsim.orbit.status import Status
 
@@ -82,3 +84,21 @@ def test_the_page_names_its_own_way_to_steady_beats():
     shown = in_page_words(NOT_FOLLOWED)
     assert "identify" not in shown
     assert "steady beats alone (those of a timeline of an hour or more)" in shown
+
+
+def test_the_page_names_the_command_for_what_its_fit_cannot_do():
+    """It advised to free fewer parameters, which no form offers."""
+    (single,) = single_start(1, 20)
+    shown = in_page_words(single.sentence)
+    assert "another seed (export the case: eclsim identify CASE.toml --seed 1)" in shown
+    assert "eclsim identify CASE.toml --parameters Emaxlv,Rmc) if the values change" in shown
+    assert "free fewer" not in shown
+    assert in_page_words(shown) == shown  # a stored verdict is read again
+    nothing = nothing_identifiable({"Rmc": FittedParameter(1.0, 0.5, 2.0, False, False, "")})[0]
+    assert "eclsim identify CASE.toml --parameters" in in_page_words(nothing.sentence)
+
+
+def test_advice_with_several_options_is_in_the_words_of_the_page():
+    weighed = in_page_words("x (--weights uncertainty), y --bounds, z (--other thing), --plain")
+    assert "--" not in weighed
+    assert weighed.count(text("fit_option_elsewhere").strip("()")) == 2

@@ -41,3 +41,20 @@ def test_a_case_that_cannot_be_used_is_refused(tmp_path):
 
 def test_ports_are_ports():
     assert run("--port", "70000").exit_code == 2
+
+
+@pytest.mark.parametrize("address", ["ward.example", "127.0.0.1:80", "10.0.0.0/8"])
+def test_a_proxy_is_named_by_its_address(address):
+    result = run("--proxy", address)
+    assert result.exit_code == 2
+    assert f"--proxy {address}: allowed: the IP address" in result.output
+
+
+def test_an_address_of_another_machine_is_named_with_its_option(tmp_path):
+    file = tmp_path / "password"
+    file.write_text("correct horse battery")
+    file.chmod(0o600)
+    result = run("--host", "192.0.2.77", "--password-file", str(file))
+    assert result.exit_code == 2
+    assert "--host 192.0.2.77: not an address of this machine" in result.output
+    assert "http://" not in result.output

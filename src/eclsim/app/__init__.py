@@ -10,5 +10,6 @@ session     one browser tab: its state, its beats and the messages to it; update
 identify    the form of measurements; fitting, posterior: fits and posteriors
 files       opening and saving of files
 page        the page and its header; web/ contains a script for each view
-server      NiceGUI behind the guard: hosts, origins, passwords, sizes, sessions
+server      NiceGUI behind the guard: hosts, origins, proxies, sizes; sign_in: passwords and sessions;
+            frames: messages of a browser before they are read; listening: addresses
 """

@@ -28,6 +28,7 @@ from eclsim.cases.reading import MAXIMUM_BYTES, case_text, read_case
 from eclsim.files import file_stems, write_json
 from eclsim.inputs.files import size_in_words
 from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.sections import NOT_FITTED
 from eclsim.orbit.model import values_of
 
 if TYPE_CHECKING:
@@ -188,6 +189,7 @@ def _case(path: Path) -> _Contents:
     """Read a case file; a doubt about its fit is shown with the origin of its numbers, not as a remark."""
     reading = read_case(path)
     remarks = [mistake for mistake in reading.warnings if mistake.message not in reading.case.doubts]
+    remarks += [note for note in reading.notes if note.message == NOT_FITTED]
     return ((reading.case.patient.id, reading.case),), remarks, reading.case.fit_mark
 
 
@@ -267,25 +269,52 @@ def export(state: PageState, kind: str, minutes: int = 0, shown: Beat | None = N
     if kind == "study":
         return _study(state, stem)
     if kind == "course":
-        return _course(state, stem, minutes, shown)
+        return _course(state, about, stem, minutes, shown)
     raise ExportError(f"no such file: {kind[:20]}")
 
 
 def _case_with_origin(state: PageState, about: str, stem: str, minutes: int, shown: Beat | None) -> str:
     """Return a case file that begins with the origin of its numbers and how to get the page's from it."""
-    from eclsim.app.course import another_start, replay_command
+    from eclsim.app.beat import compute_beat
 
-    lines, known = [about, *_device_line(state.case)], measured_values(state)
-    if known["measured"] and known["measured_before"]:
-        lines.append(text("export_measured_before"))
-    if state.case.events:
-        lines.append(f"{text('export_replay')} {replay_command(state.case, stem, minutes)}")
+    outputs: Mapping[str, float] = {}
     if shown is not None:
-        from eclsim.app.beat import compute_beat
-
         anew = compute_beat(state)
-        lines.append(another_start(state.case, shown, anew.outputs if anew.converged else {}))
+        outputs = anew.outputs if anew.converged else {}
+    has_course = bool(state.case.events)
+    return _case_file(state, about, _replay(state, stem, minutes) if has_course else "", shown, outputs)
+
+
+def _case_file(
+    state: PageState, about: str, replay: str, shown: Beat | None, outputs: Mapping[str, float]
+) -> str:
+    """Return a case file with what must be known of its numbers in its first lines.
+
+    Args:
+        state: state of the page.
+        about: origin of the numbers.
+        replay: line on how to get the page's course; empty for none.
+        shown: beat of the page.
+        outputs: outputs of the beat computed anew, with which it is compared.
+    """
+    from eclsim.app.course import another_start
+
+    known = measured_values(state)
+    is_before = known["measured"] and known["measured_before"]
+    lines = (
+        about,
+        *_device_line(state.case),
+        text("export_measured_before") if is_before else "",
+        replay,
+        another_start(state.case, shown, outputs),
+    )
     return "".join(f"# {line}\n" for line in lines if line) + case_text(state.case)
+
+
+def _replay(state: PageState, stem: str, minutes: int) -> str:
+    from eclsim.app.course import replay_command
+
+    return f"{text('export_replay')} {replay_command(state.case, stem, minutes)}"
 
 
 def _device_line(case: Case) -> list[str]:
@@ -345,8 +374,8 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
     return f"{stem}_{PAGE}", study_page(study, drawings(study)).encode()
 
 
-def _course(state: PageState, stem: str, minutes: int, shown: Beat | None) -> tuple[str, bytes]:
-    from eclsim.app.course import another_start, compute_course, first_outputs, replay_command, usual_length
+def _course(state: PageState, about: str, stem: str, minutes: int, shown: Beat | None) -> tuple[str, bytes]:
+    from eclsim.app.course import compute_course, first_outputs, usual_length
     from eclsim.course.files import course_object, write_figure, write_tables
 
     try:
@@ -356,13 +385,8 @@ def _course(state: PageState, stem: str, minutes: int, shown: Beat | None) -> tu
         raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
         folder = Path(place)
-        lines = (
-            *_device_line(state.case),
-            replay_command(state.case, stem, minutes),
-            another_start(state.case, shown, first_outputs(result)),
-        )
-        header = "".join(f"# {line}\n" for line in lines if line)
-        (folder / f"{stem}.toml").write_text(header + case_text(state.case), encoding="utf-8")
+        case = _case_file(state, about, _replay(state, stem, minutes), shown, first_outputs(result))
+        (folder / f"{stem}.toml").write_text(case, encoding="utf-8")
         write_json(course_object(result), folder / f"{stem}_course.json")
         write_tables(result, folder, f"{stem}_course")
         write_figure(result, folder, f"{stem}_course")

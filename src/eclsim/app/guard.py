@@ -1,27 +1,24 @@
 """Access control in front of the page: hosts, origins, password, size and time of requests, and headers.
 
 It is a plain ASGI wrapper, so that it also sees websockets and no code of the page runs before access is
-granted. Sign-in sessions are kept in memory and end with the server.
+granted.
 """
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import hmac
-import os
-import secrets
-import time
-from collections import deque
+import logging
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
+from eclsim.app.frames import UNREADABLE, CheckedSocket, is_readable_payload, is_readable_query
+from eclsim.app.listening import plain_address
+from eclsim.app.sign_in import SignIns, sign_in_page
 from eclsim.app.texts import text
-from eclsim.reporting.html import render
 
+log = logging.getLogger("eclsim.app")
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -30,11 +27,13 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 LARGEST_BODY = 6_000_000
 SLOWEST_BODY_S = 20.0
 COOKIE = "eclsim_session"
-SIGN_IN = "/sign-in"
-OPEN_PATHS = ("/", "/favicon.ico", SIGN_IN)
+SIGN_IN, SIGN_OUT = "/sign-in", "/sign-out"
+OPEN_PATHS = ("/", "/favicon.ico", SIGN_IN, SIGN_OUT)
 OPEN_PREFIX = "/_nicegui"
 SOCKET_PREFIX = "/_nicegui_ws"
 PORTS = {"http": 80, "https": 443}
+FORWARDED = ("x-forwarded-", "forwarded", "x-real-ip")
+"""Beginnings of the headers by which a proxy says who asks; a client can send them too."""
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -65,11 +64,13 @@ class Rules:
         hosts: host names under which the page may be requested (Host header, without the port).
         root_path: path under which a proxy serves the page; "" without a proxy path.
         signed_in: password and sessions; None if no password is required.
+        proxies: addresses of reverse proxies, whose X-Forwarded-For and X-Forwarded-Proto are trusted.
     """
 
     hosts: frozenset[str]
     root_path: str = ""
     signed_in: SignIns | None = None
+    proxies: frozenset[str] = frozenset()
 
 
 class Guard:
@@ -82,27 +83,56 @@ class Guard:
 
     def __init__(self, app: App, rules: Rules):
         self.app, self.rules = app, rules
+        self._has_named_proxy = False
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or pass it to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
+        self._read_forwarded(scope)
+        headers = _headers(scope)
         path = self._with_root_path(scope)
         refusal = self._refusal(scope, headers, path)
         if refusal is not None:
             await _refuse(scope, receive, send, *refusal)
         elif path == SIGN_IN:
             await self._sign_in(scope, receive, send, headers)
+        elif path == SIGN_OUT:
+            await self._sign_out(scope, receive, send, headers)
         elif self._must_sign_in(headers):
             await self._show_sign_in(scope, receive, send, path)
         elif scope["type"] == "http" and scope["method"] == "HEAD":
             await self._head(scope, receive, send, path)
         elif scope["type"] == "http":
-            await self._http(scope, receive, send)
+            await self._http(scope, receive, send, path)
         else:
-            await self.app(scope, receive, send)
+            socket = CheckedSocket(receive, send, lambda: not self._must_sign_in(headers))
+            await self.app(scope, socket.receive, socket.send)
+
+    def _read_forwarded(self, scope: Scope) -> None:
+        """Take sender and scheme from the headers of a trusted proxy; remove them if anybody else sent them.
+
+        The last address is the one that the proxy itself wrote; a client may have sent those before it.
+        """
+        headers, peer = _headers(scope), (scope.get("client") or ("", 0))
+        if plain_address(peer[0]) not in self.rules.proxies:
+            self._tell_unnamed_proxy(headers, peer[0])
+            scope["headers"] = [one for one in scope["headers"] if not _is_forwarded(one[0])]
+            return
+        sender = plain_address(headers.get("x-forwarded-for", "").rpartition(",")[2].strip())
+        if sender:
+            scope["client"] = (sender, 0)
+
+    def _tell_unnamed_proxy(self, headers: dict[str, str], peer: str) -> None:
+        """Log once that there seems to be a proxy that was not named."""
+        if "x-forwarded-for" in headers and not self._has_named_proxy:
+            self._has_named_proxy = True
+            log.warning(
+                "X-Forwarded-For from %s is ignored: if this is your reverse proxy, add --proxy %s",
+                peer,
+                peer,
+            )
 
     def _with_root_path(self, scope: Scope) -> str:
         """Put the root path where Starlette expects it, even if the proxy removed it; return the rest."""
@@ -124,6 +154,8 @@ class Guard:
             return 404, "not found"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD", "POST", "OPTIONS"):
             return 405, "not allowed"
+        if path.startswith(SOCKET_PREFIX) and not is_readable_query(_query(scope)):
+            return 400, UNREADABLE
         size = headers.get("content-length", "0")
         if not size.isdigit() or int(size) > LARGEST_BODY:
             return 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB"
@@ -171,10 +203,10 @@ class Guard:
         if path == "/":
             await _answer(send, 200, "", "text/html")
         else:
-            await self._http({**scope, "method": "GET"}, receive, send)
+            await self._http({**scope, "method": "GET"}, receive, send, path)
 
-    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        started = False
+    async def _http(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
+        started, limited = False, _limited(receive)
 
         async def sent(message: MutableMapping[str, Any]) -> None:
             nonlocal started
@@ -184,7 +216,13 @@ class Guard:
             await send(message)
 
         try:
-            await self.app(scope, _limited(receive), sent)
+            if path.startswith(SOCKET_PREFIX) and scope["method"] == "POST":
+                body = await _body(limited)
+                if not is_readable_payload(body):
+                    await _answer(send, 400, UNREADABLE)
+                    return
+                limited = _again(body, limited)
+            await self.app(scope, limited, sent)
         except _TooLargeError:
             if not started:
                 await _answer(send, 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB")
@@ -210,13 +248,45 @@ class Guard:
             await _answer(send, 413, "too large or too slow")
             return
         address = (scope.get("client") or ("",))[0]
-        token, status, text = signed_in.try_body(body, address)
-        if token is None:
-            await _answer(send, status, sign_in_page(root + SIGN_IN, text), "text/html")
+        wait = signed_in.wait_s(address)
+        if wait is None:
+            await _answer(send, 429, sign_in_page(root + SIGN_IN, text("too_many")), "text/html")
             return
+        await asyncio.sleep(wait)
+        token, status, message = signed_in.try_body(body, address)
+        if token is None:
+            await _answer(send, status, sign_in_page(root + SIGN_IN, message), "text/html")
+            return
+        await _redirect(send, root + "/", (self._session_cookie(scope, headers, token),))
+
+    async def _sign_out(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]) -> None:
+        """End the session of the browser; its sockets are closed at their next message."""
+        signed_in = self.rules.signed_in
+        if scope["type"] != "http" or scope["method"] != "POST" or signed_in is None:
+            await _refuse(scope, receive, send, 404, "not found")
+            return
+        signed_in.sign_out(_cookie(headers.get("cookie", "")))
+        expired = self._session_cookie(scope, headers, "", "; Max-Age=0")
+        await _redirect(send, self.rules.root_path + SIGN_IN, (expired,))
+
+    def _session_cookie(
+        self, scope: Scope, headers: dict[str, str], token: str, more: str = ""
+    ) -> tuple[bytes, bytes]:
         https = scope.get("scheme") == "https" or headers.get("x-forwarded-proto") == "https"
-        cookie = f"{COOKIE}={token}; Path={root or '/'}; HttpOnly; SameSite=Strict" + "; Secure" * https
-        await _redirect(send, (root or "") + "/", ((b"set-cookie", cookie.encode()),))
+        flags = f"Path={self.rules.root_path or '/'}; HttpOnly; SameSite=Strict" + "; Secure" * https
+        return b"set-cookie", f"{COOKIE}={token}; {flags}{more}".encode()
+
+
+def _headers(scope: Scope) -> dict[str, str]:
+    return {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
+
+
+def _query(scope: Scope) -> str:
+    return scope.get("query_string", b"").decode("latin-1")
+
+
+def _is_forwarded(name: bytes) -> bool:
+    return name.decode("latin-1").lower().startswith(FORWARDED)
 
 
 def _limited(receive: Receive, largest: int = LARGEST_BODY) -> Receive:
@@ -239,6 +309,16 @@ def _limited(receive: Receive, largest: int = LARGEST_BODY) -> Receive:
         return message
 
     return limited
+
+
+def _again(body: bytes, receive: Receive) -> Receive:
+    """Return a body that was read, and then what is received after it."""
+    waiting = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def received() -> MutableMapping[str, Any]:
+        return waiting.pop() if waiting else await receive()
+
+    return received
 
 
 async def _body(receive: Receive) -> bytes:
@@ -290,102 +370,3 @@ async def _answer(
     headers = [*about, (b"cache-control", b"no-store"), *HEADERS, *closing, *more]
     await send({"type": "http.response.start", "status": status, "headers": headers})
     await send({"type": "http.response.body", "body": body})
-
-
-SHORTEST_PASSWORD = 10
-SESSION_LASTS_S = 12 * 3600.0
-MOST_SESSIONS = 1000
-MOST_FAILURES, FAILURES_WITHIN_S = 10, 60.0
-MOST_ADDRESSES = 1000
-
-
-class PasswordFileError(ValueError):
-    """A password file that cannot be used; the message gives the reason."""
-
-
-def read_password(path: str) -> str:
-    """Return the password in the first line of a file.
-
-    Raises:
-        PasswordFileError: The file cannot be read, is readable by others, or its password is too short.
-    """
-    file = Path(path)
-    try:
-        mode = file.stat().st_mode
-        written = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise PasswordFileError(f"{path}: cannot be read: {reason}") from None
-    if mode & 0o077 and os.name == "posix":  # on other systems the mode does not tell who may read the file
-        raise PasswordFileError(f"{path}: other users can read it; protect it with chmod 600")
-    password = written.split("\n")[0].rstrip("\r")
-    if len(password) < SHORTEST_PASSWORD:
-        raise PasswordFileError(
-            f"{path}: the first line must be a password of at least {SHORTEST_PASSWORD} characters"
-        )
-    return password
-
-
-class SignIns:
-    """The password and the sessions of those who signed in.
-
-    Args:
-        password: the password, common to all users.
-        clock: returns the time [s].
-    """
-
-    def __init__(self, password: str, clock: Callable[[], float] = time.monotonic):
-        self._salt = secrets.token_bytes(16)
-        self._hash = self._hashed(password)
-        self._clock = clock
-        self._sessions: dict[str, float] = {}
-        self._failures: dict[str, deque[float]] = {}
-
-    def is_signed_in(self, token: str) -> bool:
-        """Whether a cookie belongs to a session that has not expired."""
-        ends = self._sessions.get(hashlib.sha256(token.encode()).hexdigest()) if token else None
-        return ends is not None and self._clock() < ends
-
-    def try_body(self, body: bytes, address: str = "") -> tuple[str | None, int, str]:
-        """Check a submitted form: return token, HTTP status and message; the token is None if it is refused.
-
-        Args:
-            body: body of the request.
-            address: sender's address; too many failures from one address do not lock out others.
-        """
-        now = self._clock()
-        failures = self._failures.get(address, ())
-        if len(failures) == MOST_FAILURES and now - failures[0] < FAILURES_WITHIN_S:
-            return None, 429, text("too_many")
-        try:
-            typed = parse_qs(body.decode(), max_num_fields=5, strict_parsing=True).get("password", [""])[0]
-        except ValueError:
-            typed = ""
-        if not hmac.compare_digest(self._hashed(typed), self._hash):
-            self._remember_failure(address, now)
-            return None, 401, text("wrong_password")
-        return self._new_session(now), 303, ""
-
-    def _remember_failure(self, address: str, now: float) -> None:
-        recent = {k: times for k, times in self._failures.items() if now - times[-1] < FAILURES_WITHIN_S}
-        if address not in recent and len(recent) >= MOST_ADDRESSES:
-            del recent[next(iter(recent))]
-        recent.setdefault(address, deque(maxlen=MOST_FAILURES)).append(now)
-        self._failures = recent
-
-    def _new_session(self, now: float) -> str:
-        self._sessions = {k: ends for k, ends in self._sessions.items() if ends > now}
-        if len(self._sessions) >= MOST_SESSIONS:
-            del self._sessions[next(iter(self._sessions))]
-        token = secrets.token_urlsafe(32)
-        self._sessions[hashlib.sha256(token.encode()).hexdigest()] = now + SESSION_LASTS_S
-        return token
-
-    def _hashed(self, password: str) -> bytes:
-        return hashlib.scrypt(password.encode(), salt=self._salt, n=2**12, r=8, p=1)
-
-
-def sign_in_page(action: str, message: str = "") -> str:
-    """Return the page that asks for the password."""
-    texts = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
-    return render("app/sign_in.html", action=action, message=message, **texts)

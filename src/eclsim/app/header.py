@@ -184,9 +184,10 @@ class Header:
         session: session on which the buttons act.
         bridge: connection to the browser, created here so that the status is shown beside the brand.
         identification: receives an opened posterior.
+        sign_out: address that ends the session of the browser; empty if no password is required.
     """
 
-    def __init__(self, session: Session, bridge: Bridge, identification: Identification):
+    def __init__(self, session: Session, bridge: Bridge, identification: Identification, sign_out: str = ""):
         self.session, self.bridge = session, bridge
         self.buttons: dict[str, Button] = {}
         self.opening = OpenDialog(session.engine, self._use, identification.use_members)
@@ -207,6 +208,8 @@ class Header:
                 item = ui.menu_item(text(f"export_{kind}"), on_click=partial(self._export, kind))
                 item.props("role=menuitem")
         self._button("help", "help_outline", show_help)
+        if sign_out:
+            self._button("sign_out", "logout", lambda: bridge.run_method("signOut", sign_out))
 
     def _button(self, name: str, icon: str, action: Callable[[], object]) -> Button:
         button = ui.button(icon=icon, on_click=action).props(f'flat dense aria-label="{text(name)}"')

@@ -23,6 +23,7 @@ from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import MEASURED, sections
 from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.sections import NOT_FITTED
 
 if TYPE_CHECKING:
     from eclsim.app.fitting import FitProcess
@@ -140,8 +141,9 @@ class Identification:
     def check(self, typed: Mapping[str, Any]) -> bool:
         """Report errors and warnings by field; return whether the form can be fitted."""
         checked = checked_form(fitted_case(self.session.state), typed)
+        left_out = [note for note in checked.notes if note.message == NOT_FITTED]
         self.send("form_check", {
-            "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),
+            "mistakes": _by_field(checked.mistakes), "warnings": _by_field([*checked.warnings, *left_out]),
             "ready": not checked.mistakes,
         })  # fmt: skip
         return not checked.mistakes

@@ -34,11 +34,19 @@ SKIP_TO_KNOBS = "(event) => { event.preventDefault(); document.querySelector('.e
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
 
-Message = Mapping[str, object]
+Message = Mapping[str, Any]
 """Message of a view in the browser; its content cannot be trusted."""
 
 
-class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
+class Heard(Element):
+    """An element drawn by a script of web/, whose messages are plain data."""
+
+    def hear(self, topic: str, handle: Callable[[Message], object]) -> None:
+        """Register a handler of a message; one that is not plain data, which no script sends, is empty."""
+        self.on(topic, lambda event: handle(event.args if isinstance(event.args, dict) else {}))
+
+
+class Bridge(Heard, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
     """Connection between session and browser, and the status beside the brand."""
 
     def __init__(self, texts: dict[str, str]):
@@ -50,10 +58,10 @@ class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB /
         self.run_method("publish", topic, data)
 
 
-def _component(script: str) -> Callable[..., Element]:
+def _component(script: str) -> Callable[..., Heard]:
     """Create a class of elements drawn by a script of web/ with data received through the bridge."""
 
-    class Component(Element, component=WEB / f"{script}.js"):
+    class Component(Heard, component=WEB / f"{script}.js"):
         def __init__(self, **properties: object):
             super().__init__()
             self._props.update(properties)
@@ -76,15 +84,16 @@ class BedsidePage:
     Args:
         engine: computes beats.
         state: initial patient.
+        sign_out: address that ends the session of the browser; empty if no password is required.
     """
 
-    def __init__(self, engine: Engine, state: PageState):
+    def __init__(self, engine: Engine, state: PageState, sign_out: str = ""):
         self.engine = engine
         self.header: Header | None = None
         self.session = Session(engine, state, self._send)
         self.bands = PosteriorBands(engine, self.session)
         self.identification = Identification(self.session, self._send, engine.fits, self.bands)
-        self._build()
+        self._build(sign_out)
 
     def close(self) -> None:
         """End the work of the page when its tab is closed."""
@@ -100,7 +109,7 @@ class BedsidePage:
         if topic == "state":
             self.identification.follow(data["opened"])
 
-    def _build(self) -> None:
+    def _build(self, sign_out: str) -> None:
         for style in STYLES:
             ui.add_css(style)
         skip = ui.link(text("skip"), "#knobs").classes("ecl-skip")
@@ -110,16 +119,16 @@ class BedsidePage:
             with ui.element("header").classes("ecl-header"):
                 ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
                 self.bridge = Bridge({**ENGLISH, "version": __version__})
-                self.header = Header(self.session, self.bridge, self.identification)
+                self.header = Header(self.session, self.bridge, self.identification, sign_out)
             ELEMENTS["provenance"]()
             with ui.element("aside").classes("ecl-left"):
                 knobs = ELEMENTS["knobs"]()
-                knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
-                knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
-                knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
+                knobs.hear("turn", lambda m: self.session.turn(*_turned(m)))
+                knobs.hear("connect", lambda m: self.session.connect(str(m.get("device"))))
+                knobs.hear("policy", lambda m: self.session.set_policy(str(m.get("policy"))))
             with ui.element("section").classes("ecl-middle").props(f'aria-label="{text("schematic")}"'):
-                ELEMENTS["schematic"]().on(
-                    "move", lambda e: self.session.turn(str(e.args.get("key")), str(e.args.get("site")))
+                ELEMENTS["schematic"]().hear(
+                    "move", lambda m: self.session.turn(str(m.get("key")), str(m.get("site")))
                 )
             with ui.element("section").classes("ecl-right").props(f'aria-label="{text("views")}"'):
                 ELEMENTS["keys"]()
@@ -127,11 +136,11 @@ class BedsidePage:
                 self._views()
             with ui.element("div").classes("ecl-notice").props("role=note"):
                 ui.label(text("notice"))
-        self.bridge.on("hello", lambda e: self._browser_connected(e.args))
-        self.bridge.on("link", lambda e: self._open_link(e.args))
-        self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
+        self.bridge.hear("hello", self._browser_connected)
+        self.bridge.hear("link", self._open_link)
+        self.bridge.hear("shortcut", self._shortcut)
         self.bridge.on("ask", lambda: self.bridge.publish("alive", True))
-        self.bridge.on("take_back", lambda e: self._roll_back(e.args))
+        self.bridge.hear("take_back", self._roll_back)
 
     def _views(self) -> None:
         self.tabs = ui.tabs().props("dense no-caps inline-label align=left outside-arrows")
@@ -139,21 +148,21 @@ class BedsidePage:
             for name in VIEWS:
                 ui.tab(name, label=text(name))
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
-        ELEMENTS["bands"]().on("show", lambda e: self.bands.show(e.args.get("on") is True))
+        ELEMENTS["bands"]().hear("show", lambda m: self.bands.show(m.get("on") is True))
         panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
         specs = {"specs": output_specs()}
         of_view = {"identify": {"fields": fields()}, "gases": specs, "outputs": specs, "compare": specs}
-        views: dict[str, Element] = {}
+        views: dict[str, Heard] = {}
         with panels.classes("ecl-views"):
             for name in VIEWS:
                 with ui.tab_panel(name):
                     views[name] = ELEMENTS[name](**of_view.get(name, {}))
                     if name == "monitor":
                         self._timeline()
-        views["schemes"].on("use", lambda e: self._use(e.args))
-        views["gases"].on("connect", lambda _: self.session.connect("gas"))
-        views["compare"].on("show", lambda e: self.session.show_saved(_number(e.args)))
-        views["compare"].on("remove", lambda e: self.session.remove_saved(_number(e.args)))
+        views["schemes"].hear("use", self._use)
+        views["gases"].hear("connect", lambda _: self.session.connect("gas"))
+        views["compare"].hear("show", lambda m: self.session.show_saved(_number(m)))
+        views["compare"].hear("remove", lambda m: self.session.remove_saved(_number(m)))
         self._identify(views["identify"])
         for view in ("ramp", "schemes"):
             self.session.listen(ViewStudy(self.engine, view))
@@ -163,23 +172,23 @@ class BedsidePage:
     def _timeline(self) -> None:
         self.course = CourseStudy(self.engine, self.session)
         timeline = ELEMENTS["timeline"](lengths=LENGTHS)
-        timeline.on("open", lambda e: self.course.open(_number(e.args)))
-        timeline.on("record", lambda e: self.session.record(e.args.get("on") is True))
-        timeline.on("show", lambda e: self.course.show(_minute(e.args)))
-        timeline.on("add", lambda e: self.session.add_event(e.args))
-        timeline.on("remove", lambda e: self.session.remove_event(_number(e.args)))
+        timeline.hear("open", lambda m: self.course.open(_number(m)))
+        timeline.hear("record", lambda m: self.session.record(m.get("on") is True))
+        timeline.hear("show", lambda m: self.course.show(_minute(m)))
+        timeline.hear("add", self.session.add_event)
+        timeline.hear("remove", lambda m: self.session.remove_event(_number(m)))
         self.session.listen(self.course)
 
-    def _identify(self, form: Element) -> None:
+    def _identify(self, form: Heard) -> None:
         form.on("fill", self.identification.fill)
-        form.on("check", lambda e: self.identification.check(_typed(e.args)))
-        form.on("fit", lambda e: self.identification.start(_typed(e.args)))
+        form.hear("check", self.identification.check)
+        form.hear("fit", self.identification.start)
         form.on("cancel", self.identification.cancel)
-        form.on(
+        form.hear(
             "posterior",
-            lambda e: self.identification.compute_posterior(_link(e.args), _typed(e.args).get("fit")),
+            lambda m: self.identification.compute_posterior(_link(m), m.get("fit")),
         )
-        form.on("use", lambda e: self._use_fit(_link(e.args)))
+        form.hear("use", lambda m: self._use_fit(_link(m)))
 
     def _use_fit(self, link: str) -> None:
         if self.identification.use(link):
@@ -265,12 +274,8 @@ def _turned(args: Message) -> tuple[str, object, int]:
     return str(args.get("key")), value, seq if isinstance(seq, int) else 0
 
 
-def _typed(args: object) -> dict[str, Any]:
-    return dict(args) if isinstance(args, dict) else {}
-
-
-def _link(args: object) -> str:
-    return str(args.get("link") or "") if isinstance(args, dict) else ""
+def _link(args: Message) -> str:
+    return str(args.get("link") or "")
 
 
 def _number(args: Message) -> int:
@@ -278,6 +283,6 @@ def _number(args: Message) -> int:
     return number if isinstance(number, int) else -1
 
 
-def _minute(args: object) -> float:
-    minute = args.get("minute") if isinstance(args, dict) else None
+def _minute(args: Message) -> float:
+    minute = args.get("minute")
     return float(minute) if isinstance(minute, (int, float)) and math.isfinite(minute) else 0.0

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from dataclasses import dataclass, field
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import uvicorn
 from fastapi import FastAPI
@@ -13,8 +15,10 @@ from nicegui import app as nicegui_app
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from eclsim.app.engine import Engine
-from eclsim.app.guard import App, Guard, Rules, SignIns
+from eclsim.app.guard import SIGN_OUT, App, Guard, Rules
+from eclsim.app.listening import THIS_MACHINE
 from eclsim.app.page import BedsidePage
+from eclsim.app.sign_in import SignIns
 from eclsim.app.state import PageState
 from eclsim.app.texts import text
 
@@ -32,21 +36,19 @@ class Options:
 
     Args:
         state: initial patient.
-        host: address to listen on.
-        port: port to listen on.
         root_path: path under which a proxy serves the page, such as "/eclsim".
         hosts: host names under which the page may be requested.
         password: password required before anything is shown; None for none.
         most_sessions: largest number of open tabs.
+        proxies: addresses of reverse proxies, whose headers on the sender of a request are trusted.
     """
 
     state: PageState
-    host: str = "127.0.0.1"
-    port: int = 8080
     root_path: str = ""
-    hosts: frozenset[str] = field(default_factory=lambda: frozenset({"127.0.0.1", "localhost", "[::1]"}))
+    hosts: frozenset[str] = frozenset(THIS_MACHINE)
     password: str | None = None
     most_sessions: int = 40
+    proxies: frozenset[str] = frozenset()
 
 
 class TimeoutProtocol(H11Protocol):
@@ -105,13 +107,14 @@ class OpenPages:
 def application(options: Options, engine: Engine) -> App:
     """Return the ASGI application behind its guard."""
     visitors = OpenPages(options.most_sessions)
+    sign_out = options.root_path + SIGN_OUT if options.password is not None else ""
 
     @ui.page("/", title=text("title"))
     async def page() -> None:
         if visitors.full:
             ui.label(text("full", most=options.most_sessions)).props("role=alert")
             return
-        visitors.add(ui.context.client, BedsidePage(engine, options.state))
+        visitors.add(ui.context.client, BedsidePage(engine, options.state, sign_out))
 
     nicegui_app.on_startup(lambda: engine.warm(options.state))
     nicegui_app.on_shutdown(engine.stop)
@@ -122,16 +125,17 @@ def application(options: Options, engine: Engine) -> App:
     )  # fmt: skip
     core.sio.eio.max_http_buffer_size = LARGEST_MESSAGE
     signed_in = SignIns(options.password) if options.password is not None else None
-    return Guard(outer, Rules(options.hosts, options.root_path, signed_in))  # pyright: ignore[reportArgumentType]  # an ASGI application
+    rules = Rules(options.hosts, options.root_path, signed_in, options.proxies)
+    return Guard(outer, rules)  # pyright: ignore[reportArgumentType]  # an ASGI application
 
 
-def serve(options: Options) -> None:
-    """Serve the page until stopped."""
+def serve(options: Options, sockets: Sequence[socket.socket]) -> None:
+    """Serve the page on listening sockets until stopped."""
     engine = Engine()
     config = uvicorn.Config(
         application(options, engine),  # pyright: ignore[reportArgumentType]  # likewise
-        host=options.host, port=options.port, http=TimeoutProtocol, lifespan="on", log_level="warning",
+        http=TimeoutProtocol, lifespan="on", log_level="warning", proxy_headers=False,
         access_log=False, ws_max_size=LARGEST_MESSAGE, timeout_graceful_shutdown=2, timeout_keep_alive=15,
         limit_concurrency=MOST_CONNECTIONS, server_header=False,
     )  # fmt: skip
-    uvicorn.Server(config).run()
+    uvicorn.Server(config).run(sockets=list(sockets))

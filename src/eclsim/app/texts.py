@@ -24,8 +24,9 @@ def with_minus(sentence: str) -> str:
 
 
 def beside_field(mistake: Mistake) -> str:
-    """Return a mistake as shown beside its knob or field, without the key."""
-    return with_minus(str(replace(mistake, key="", file="", line=None)))
+    """Return a mistake as shown beside its knob or field, without the key and what only a file can have."""
+    sentence = str(replace(mistake, key="", file="", line=None))
+    return with_minus(sentence.replace("; a number is needed where the key is written", ""))
 
 
 def text(key: str, **values: object) -> str:
@@ -46,18 +47,26 @@ _ADVICE = (
     ("(--steady-only)", "timeline_steady_only"),
     (" (--posterior)", "fit_posterior_here"),
     (": see the figure pairs", "fit_loops_here"),
+    ("repeat it with another seed (--seed)", "fit_seed_elsewhere"),
+    ("free fewer parameters", "fit_fewer_elsewhere"),
 )
 """Advice that only the command line can follow, with the keys of the texts that replace it on the page."""
-_OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
+_COMMAND = r"eclsim identify CASE\.toml[^;()]*"
+"""A whole command, which those texts contain, stays."""
+_OPTION = re.compile(
+    "|".join([_COMMAND, *(re.escape(advice) for advice, _ in _ADVICE), r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*"])
+)
 
 
 def in_page_words(sentence: str) -> str:
     """Return a sentence without options and commands of the command line, which the page does not have."""
-    for advice, key in _ADVICE:
-        sentence = sentence.replace(advice, text(key) if key else "")
-    instead = text("fit_option_elsewhere")
+    advice, instead = dict(_ADVICE), text("fit_option_elsewhere")
 
     def words(match: re.Match[str]) -> str:
+        if match[0] in advice:
+            return text(key) if (key := advice[match[0]]) else ""
+        if match[0].startswith("eclsim"):
+            return match[0]
         return instead if match[0].startswith("(") else instead.strip("()")
 
     return with_minus(_OPTION.sub(words, sentence))

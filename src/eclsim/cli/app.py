@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import socket
 from dataclasses import dataclass
 
 import typer
@@ -10,8 +11,6 @@ import typer
 from eclsim.cli.cases import read_all, with_speeds
 from eclsim.cli.console import fail
 from eclsim.cli.options import argument, option
-
-_THIS_MACHINE = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +29,10 @@ class AppOptions:
     allow_host: list[str] = option(
         [], "Host name in the browser's address, such as that of a proxy. May be repeated.", metavar="NAME"
     )
+    proxy: list[str] = option(
+        [], "Address of a reverse proxy that replaces X-Forwarded-For and X-Forwarded-Proto, which are then "
+        "trusted. May be repeated.", metavar="ADDRESS",
+    )  # fmt: skip
     max_sessions: int = option(40, "Largest number of open pages.", minimum=1, maximum=500)
 
 
@@ -39,12 +42,16 @@ def app(options: AppOptions) -> None:
     Only this machine can open the page unless --host allows others; no data leave this machine.
     Research use only.
     """
+    from eclsim.app.listening import is_this_machine, served_names, start_lines
+
     root_path = _checked_root(options.root_path)
+    proxies = _checked_proxies(options.proxy)
     reading = with_speeds(read_all([options.case_file], []))[0] if options.case_file else None
     password = _password(options.password_file)
     host = options.host
-    if host not in _THIS_MACHINE and password is None:
+    if not is_this_machine(host) and password is None:
         fail(f"--host {host}: other machines can then reach the page; add --password-file")
+    sockets = _listening(host, options.port)
     try:
         from eclsim.app.server import Options, serve
     except ModuleNotFoundError as error:
@@ -56,9 +63,28 @@ def app(options: AppOptions) -> None:
     state = preset_state("healthy")
     if reading:
         state = opened_state(reading.case, shown_name(reading.file))
-    names = frozenset({*_THIS_MACHINE, host.lower(), *map(str.lower, options.allow_host)})
-    typer.echo(f"eclsim: http://{host}:{options.port}{root_path}/  (Ctrl-C stops it)")
-    serve(Options(state, host, options.port, root_path, names, password, options.max_sessions))
+    for line in start_lines(host, options.port, root_path, options.allow_host, proxies):
+        typer.echo(f"eclsim: {line}")
+    names = served_names(host, options.allow_host)
+    serve(Options(state, root_path, names, password, options.max_sessions, proxies), sockets)
+
+
+def _listening(host: str, port: int) -> list[socket.socket]:
+    from eclsim.app.listening import ListenError, listen
+
+    try:
+        return listen(host, port)
+    except ListenError as error:
+        fail(str(error))
+
+
+def _checked_proxies(addresses: list[str]) -> frozenset[str]:
+    from eclsim.app.listening import plain_address
+
+    for address in addresses:
+        if not plain_address(address):
+            fail(f"--proxy {address}: allowed: the IP address from which the proxy connects, as 127.0.0.1")
+    return frozenset(map(plain_address, addresses))
 
 
 def _checked_root(path: str) -> str:
@@ -72,7 +98,7 @@ def _checked_root(path: str) -> str:
 def _password(file: str | None) -> str | None:
     if file is None:
         return None
-    from eclsim.app.guard import PasswordFileError, read_password
+    from eclsim.app.sign_in import PasswordFileError, read_password
 
     try:
         return read_password(file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+import unicodedata
 from typing import TypeGuard
 
 from eclsim.files import NUMBER
@@ -110,7 +111,7 @@ def _digits(value: object) -> bool:
 
 
 def _number_in_text(text: str, field: Field) -> float:
-    if is_missing(text):
+    if is_missing(text) and text.strip().lower() != "nan":
         raise RefusedValueError(f"not given{_if_unknown(field)}", field.allowed)
     if NUMBER.fullmatch(text.strip()):
         meant = text.strip() if field.minimum <= float(text) <= field.maximum else ""
@@ -176,6 +177,8 @@ def _two_pressures(result: re.Match[str], field: Field) -> tuple[str, str, str]:
 
 def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     stripped = text.strip()
+    if any(letter.isdecimal() and not letter.isascii() for letter in stripped):
+        return "digits other than 0 to 9", field.allowed, _in_ascii_digits(stripped)
     if result := _TWO_PRESSURES.fullmatch(text):
         return _two_pressures(result, field)
     if _GROUPED_NUMBER.fullmatch(stripped):
@@ -189,6 +192,12 @@ def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     if _DECIMAL_COMMA.fullmatch(stripped):
         return "a decimal comma; write a decimal point", field.allowed, stripped.replace(",", ".")
     return "not a number", field.allowed, ""
+
+
+def _in_ascii_digits(text: str) -> str:
+    """Return a number with its digits written as 0 to 9; empty if it is none."""
+    written = "".join(str(unicodedata.decimal(one)) if one.isdecimal() else one for one in text)
+    return written if NUMBER.fullmatch(written) else ""
 
 
 def _is_in_thousands(text: str, field: Field) -> bool:

@@ -76,6 +76,29 @@ test("blocked or damaged storage keeps nothing and breaks nothing", () => {
   assert.deepEqual(storage.read("y"), [1]);
 });
 
+test("a tab that is signed out forgets its patient and stores nothing more", () => {
+  const data = new Map([
+    ["eclsim-tab", "1"],
+    ["other", "2"],
+    ["eclsim-last", "3"],
+  ]);
+  const storage = makeTabStorage(() => ({
+    getItem: (k) => data.get(k) ?? null,
+    setItem: (k, v) => data.set(k, v),
+    removeItem: (k) => data.delete(k),
+    key: (k) => [...data.keys()][k],
+    get length() {
+      return data.size;
+    },
+  }));
+  storage.forget();
+  storage.keep("tab", [1]);
+  assert.deepEqual([...data.keys()], ["other"]);
+  makeTabStorage(() => {
+    throw new Error("blocked");
+  }).forget();
+});
+
 test("no two curves have the same colour or dash", () => {
   const all = Array.from({ length: 10 }, (_, k) => [strokeOf(k, false), strokeOf(k, true)]);
   assert.equal(new Set(all.map(([light]) => light.colour)).size, 10);

@@ -291,6 +291,13 @@ export default {
         if (!isCovered) this.$emit("shortcut", { action: "view", number: Number(event.key) });
       }
     },
+    // Ends the session of the browser, and leaves nothing of the patient in this tab.
+    signOut(address) {
+      tab.forget();
+      const form = Object.assign(document.createElement("form"), { method: "post", action: address });
+      document.body.append(form);
+      form.submit();
+    },
     async copyLink(link) {
       const url = addressOf(location, link);
       try {

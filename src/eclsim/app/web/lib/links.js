@@ -15,6 +15,7 @@ export function remember(entries, key, value, most) {
 
 // Storage of this tab, as plain data; nothing is stored if storage is blocked or full.
 export function makeTabStorage(storage, prefix = "eclsim-") {
+  let isClosed = false;
   return {
     read(name) {
       try {
@@ -24,10 +25,22 @@ export function makeTabStorage(storage, prefix = "eclsim-") {
       }
     },
     keep(name, data) {
+      if (isClosed) return;
       try {
         storage().setItem(prefix + name, JSON.stringify(data));
       } catch {
         // the page continues without storage
+      }
+    },
+    // Everything is removed, and nothing is stored any more.
+    forget() {
+      isClosed = true;
+      try {
+        const stored = storage();
+        const names = Array.from({ length: stored.length }, (_, k) => stored.key(k));
+        for (const name of names) if (name.startsWith(prefix)) stored.removeItem(name);
+      } catch {
+        // storage is blocked: nothing is there
       }
     },
   };
