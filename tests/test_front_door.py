@@ -1,7 +1,9 @@
 """Python's front door: what is of another kind is refused with what is allowed."""
 
 import json
+from fractions import Fraction
 
+import jax
 import numpy as np
 import pytest
 
@@ -76,7 +78,7 @@ def test_changes_are_numbers_by_parameter(changes):
 
 
 def test_a_change_that_is_no_number_is_named():
-    with pytest.raises(ValueError, match='Rmc: "a" is not a number'):
+    with pytest.raises(TypeError, match='Rmc: "a" is not a number'):
         eclsim.simulate_many(CASE, {"Rmc": ["a"]}, outputs=["MAP"])
 
 
@@ -245,14 +247,49 @@ def test_what_cannot_be_meant_ends_in_one_sentence(ask, kind, sentence):
         "0.8",
         np.array(["2020-01-01"], dtype="datetime64[D]"),
         [True, False],
+        [True, 0.8],
+        np.bool_(True),
         [[0.8], [0.9, 1.0]],
         (one for one in (0.8, 0.9)),
     ],
 )
 def test_a_change_that_is_no_number_is_refused(given):
     """A date was counted in days since 1970, and truth as 1."""
-    with pytest.raises(ValueError, match=r"Rmc: .* is not a number or a list of numbers"):
+    with pytest.raises(TypeError, match=r"Rmc: .* is not a number or a list of numbers"):
         eclsim.simulate_many(MODEL, {"Rmc": given}, outputs=["MAP"])
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "sentence"),
+    [
+        (np.bool_(True), TypeError, "Rmc = a bool: not a number"),
+        (np.ma.masked, TypeError, "Rmc = a MaskedConstant: not a number"),
+        (10**400, ValueError, "Rmc = a number of over 40 digits: too large"),
+        (Fraction(10**400), ValueError, "Rmc = a Fraction: too large"),
+        (np.array([0.8, 0.9]), TypeError, "Rmc = a.* ndarray: not a number; allowed: one number"),
+    ],
+)
+def test_a_value_that_is_not_one_finite_number_is_refused(given, kind, sentence):
+    """NumPy's True was 1, a masked number NaN, and large integers ended in an OverflowError."""
+    with pytest.raises(kind, match=sentence):
+        MODEL.with_values(Rmc=given)
+
+
+def test_a_number_too_large_for_a_variant_is_refused():
+    with pytest.raises(ValueError, match="Rmc: a number is too large"):
+        eclsim.simulate_many(MODEL, {"Rmc": [0.8, 10**400]}, outputs=["MAP"])
+
+
+@pytest.mark.parametrize("transform", [jax.jit, jax.grad])
+def test_transformations_of_jax_are_pointed_to_derivatives(transform):
+    """They ended in a message about a DynamicJaxprTracer."""
+    sentence = "Rmc: jax.jit and jax.grad cannot pass through .* eclsim.derivatives gives exact derivatives"
+    with pytest.raises(TypeError, match=sentence):
+        transform(lambda x: eclsim.simulate(MODEL.with_values(Rmc=x))["MAP"].values)(0.5)
+    with pytest.raises(TypeError, match=sentence):
+        transform(lambda x: eclsim.simulate_many(MODEL, {"Rmc": x}, outputs=["MAP"])["MAP"].values)(0.5)
+    with pytest.raises(TypeError, match=sentence):
+        transform(lambda x: eclsim.simulate_many(MODEL, {"Rmc": [x]}, outputs=["MAP"])["MAP"].values)(0.5)
 
 
 def test_what_is_masked_is_missing():
@@ -349,5 +386,5 @@ def test_scripts_with_unusual_but_legal_arguments():
     assert str(lost["message"].values[0]) == "ecmo.flow_l_min = nan is not a finite number"
     with pytest.raises(eclsim.UnknownValueError, match=r"no parameter 'parameters.Rmc'; did you mean Rmc"):
         eclsim.simulate_many(MODEL, {"parameters.Rmc": [0.8]})
-    with pytest.raises(ValueError, match=r'Rmc: "0\.8" is not a number or a list of numbers'):
+    with pytest.raises(TypeError, match=r'Rmc: "0\.8" is not a number or a list of numbers'):
         eclsim.simulate_many(MODEL, {"Rmc": [0.5, "0.8"]})

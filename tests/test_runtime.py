@@ -4,7 +4,10 @@ import os
 import subprocess
 import sys
 
+import jax
 import pytest
+
+import eclsim
 
 
 def printed(script, **environment):
@@ -63,6 +66,31 @@ def test_the_log_of_xla_is_no_part_of_what_a_command_writes():
     assert logged(**UNWRITABLE) == ("", True)
     asked, _ = logged(**UNWRITABLE, TF_CPP_MIN_LOG_LEVEL="2")
     assert "Could not create directory" in asked
+
+
+@pytest.mark.slow
+def test_the_log_of_xla_is_no_part_of_what_a_script_writes():
+    script = "import eclsim.runtime, jax; jax.jit(lambda x: x + 1.0)(1.0).block_until_ready()"
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_", "TF_"))}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=kept | UNWRITABLE, capture_output=True, text=True, check=True
+    )
+    assert done.stderr == ""
+
+
+def test_without_double_precision_nothing_is_computed():
+    """Beats ended in an error about types of arrays, and gases of blood had six digits."""
+    model = eclsim.Model.published(eclsim.circulation())
+    with jax.enable_x64(False):
+        for compute in (
+            lambda: eclsim.simulate(model),
+            lambda: eclsim.derivatives(model, ["MAP"], ["Rmc"]),
+            lambda: eclsim.blood.gases(po2=95.0, pco2=40.0),
+            lambda: eclsim.blood.base_excess(ph=7.4),
+        ):
+            with pytest.raises(RuntimeError, match="jax_enable_x64 is False"):
+                compute()
+    assert eclsim.blood.gases(po2=95.0, pco2=40.0).saturation.dtype == "float64"
 
 
 @pytest.mark.slow

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
 from eclsim.spelling import spelling_hint
+
+_DIGITS = 40
+"""Digits of the longest integer that a message repeats."""
 
 
 def check_fields(settings: object, **checks: Callable[[str, Any], object]) -> None:
@@ -76,7 +80,10 @@ class FiniteNumber:
         allowed = " ".join((*(bounds or ["a number"]), *((self.unit,) if self.unit else ())))
         if isinstance(value, bool) or not isinstance(value, Real):
             raise TypeError(f"{name} = {written(value)}: not a number; allowed: {allowed}")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
         if not (math.isfinite(number) and number > self.above and self.least <= number <= self.most):
             raise ValueError(f"{name} = {written(value)}; allowed: {allowed}")
         return number
@@ -118,16 +125,41 @@ class Kind:
 
 
 def number_of(name: str, value: Any) -> float:
-    """Convert a number of any library to `float`; NaN and infinity are left for the caller to judge."""
-    if isinstance(value, Real) and not isinstance(value, bool):
-        return float(value)
+    """Convert a number of any library to `float`; NaN and infinity are left for the caller to judge.
+
+    Raises:
+        TypeError: The value is not one number: a truth value, a masked entry, an array of several.
+        ValueError: An integer or fraction is larger than the largest `float`.
+    """
+    if is_traced(value):
+        raise TypeError(f"{name}: {TRACED}")
     shape = getattr(value, "shape", ()) if hasattr(value, "__float__") else None
-    if shape in ((), (1,)) and not isinstance(value, bool):
+    masked = hasattr(value, "filled") and bool(value.mask.any())
+    if not (is_truth_value(value) or masked) and (isinstance(value, Real) or shape in ((), (1,))):
+        only: Any = value
         try:
-            return float(value if shape == () else value[0])
+            return float(only[0] if shape == (1,) else only)
+        except OverflowError:
+            raise ValueError(f"{name} = {written(value)}: too large; allowed: up to 1.8e308") from None
         except (TypeError, ValueError):
             pass
     raise TypeError(f"{name} = {written(value)}: not a number; allowed: one number")
+
+
+TRACED = (
+    "jax.jit and jax.grad cannot pass through eclsim's searches; eclsim.derivatives gives exact derivatives"
+)
+"""Message for a number that JAX traces."""
+
+
+def is_traced(value: object) -> bool:
+    """Whether a value is one that JAX traces in place of a number, as within `jax.jit` and `jax.grad`."""
+    return type(value).__name__.endswith("Tracer")
+
+
+def is_truth_value(value: object) -> bool:
+    """Whether a value is True or False, of Python, NumPy or JAX."""
+    return isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b"
 
 
 def flag(name: str, value: Any) -> bool:
@@ -144,9 +176,10 @@ def written(value: object) -> str:
     if isinstance(value, str):
         return f'"{value[:60]}"' if value.isprintable() else "a text that cannot be printed"
     if isinstance(value, Integral):
-        return str(int(value))
+        return str(int(value)) if abs(int(value)) < 10**_DIGITS else f"a number of over {_DIGITS} digits"
     if isinstance(value, Real):
-        return f"{float(value):.12g}"
+        with suppress(OverflowError):
+            return f"{float(value):.12g}"
     return article(type(value).__name__)
 
 

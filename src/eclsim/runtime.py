@@ -17,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # XLA reads it as it writes its first line
+
 import jax
 from jax.experimental.xla_metadata import set_xla_metadata
 
@@ -44,6 +46,19 @@ def _processor_key() -> str:
     except OSError:
         flags = platform.processor()
     return hashlib.sha256(flags.encode()).hexdigest()[:12]
+
+
+def refuse_single_precision() -> None:
+    """Raise an error if double precision has been turned off since the import.
+
+    Raises:
+        RuntimeError: Says how to turn it on again.
+    """
+    if not SETTINGS.jax_enable_x64:
+        raise RuntimeError(
+            "eclsim computes in double precision, and JAX's setting jax_enable_x64 is False: "
+            'jax.config.update("jax_enable_x64", True), or `with jax.enable_x64(True):` around the call'
+        )
 
 
 def on_cpu() -> bool:

@@ -264,6 +264,22 @@ def test_only_phases_need_a_finer_grid_for_derivatives():
 
 
 @pytest.mark.slow
+def test_slopes_do_not_depend_on_what_else_is_asked_for():
+    """With a phase of the beat in the list, all others came from its finer grid as well."""
+    phase, outputs = "iabp.inflation_phase", ["SP", "CO"]
+    alone = eclsim.derivatives(balloon(), outputs, ["Cao", "Rmc"])
+    both = eclsim.derivatives(balloon(), outputs, ["Cao", phase, "Rmc"])
+    np.testing.assert_array_equal(both.sel(parameter=["Cao", "Rmc"]).values, alone.values)
+    np.testing.assert_array_equal(both["value"], alone["value"])
+    usual = int(alone["steps_per_beat"][0])
+    assert both["steps_per_beat"].values.tolist() == [usual, 4 * usual, usual]
+    with_phase = eclsim.derivatives(balloon(), outputs, [phase])
+    np.testing.assert_array_equal(with_phase.values[:, 0], both.sel(parameter=phase).values)
+    everywhere = eclsim.derivatives(balloon(), outputs, ["Cao", phase], resolution=1)
+    assert everywhere["steps_per_beat"].values.tolist() == [400, 400]
+
+
+@pytest.mark.slow
 def test_settings_that_reach_a_goal_take_the_same_slopes():
     found = eclsim.reach(balloon(), "iabp_augmented_pressure < 89", vary="iabp.inflation_phase=0.32..0.5")
     assert found.reached, found.message

@@ -203,3 +203,20 @@ def test_a_long_course_ends_in_the_steady_beat(model):
     end = eclsim.simulate(model.with_values({"gas.alveolar_ventilation_l_min": 2.5}))
     for name in OUTPUTS:
         assert float(course[name][-1]) == pytest.approx(float(end[name]), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_what_is_solved_with_the_beat_has_no_derivative_unless_it_is_held():
+    """With another parameter it ended in an error about shapes of arrays, alone in numbers."""
+    model = model_of(case({"hypoxic_vasodilation": 0.8}))
+    assert RESISTANCE not in model.parameters
+    for names in ([RESISTANCE], ["Rmc", RESISTANCE]):
+        with pytest.raises(eclsim.UnknownValueError, match=f"{RESISTANCE} is solved with the beat: give it"):
+            eclsim.derivatives(model, ["MAP"], names)
+    held = model.with_values({RESISTANCE: 1.3})
+    assert RESISTANCE in held.parameters
+    slopes = eclsim.derivatives(held, ["MAP"], ["Rmc", RESISTANCE]).values[0]
+    ends = eclsim.simulate_many(held, {RESISTANCE: 1.3 + np.array([-1e-3, 1e-3])}, ["MAP"])["MAP"].values
+    assert slopes[1] == pytest.approx(np.diff(ends)[0] / 2e-3, rel=1e-3)
+    every = eclsim.derivatives(model, ["MAP", "SvO2"], ["Emaxlv", "Rmc", "Emaxlv"]).values
+    np.testing.assert_array_equal(every[:, 0], every[:, 2])

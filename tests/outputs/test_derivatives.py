@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import eclsim
 from eclsim.cases.reading import read_mapping
 from eclsim.orbit import derivatives as orbit_derivatives
 from eclsim.orbit.model import model_of
@@ -104,3 +105,24 @@ def test_a_signal_that_several_sums_share_stands_in_as_many_places():
     assert len(set(places)) == 3
     unusual = ("Pao",) * 9
     assert derivatives._places(unusual, usual) == (unusual, list(range(9)))
+
+
+def test_a_mean_flow_beside_those_that_carry_gases_is_a_usual_sum():
+    """A program was compiled for outputs of a RENOX, which read the flow of the ECMO's blood besides."""
+    dialysed = {**WITH_GAS, "renox": {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100}}
+    usual = derivatives.usual_sums(model_of(read_mapping(dialysed).case).circuit)
+    mean, *carried = (name for name in usual if name.startswith("Qecmooxy"))
+    assert len(carried) == 2
+    assert derivatives._places((mean, *carried), usual)[0] == usual
+
+
+def test_a_parameter_named_twice_has_its_derivatives_twice():
+    """It ended in an error about shapes of arrays."""
+    model, names = model_of(read_mapping(GIVEN).case), ["Rmc", "Emaxlv", "Rmc"]
+    twice = eclsim.derivatives(model, ["MAP", "PF"], names)
+    once = eclsim.derivatives(model, ["MAP", "PF"], names[:2])
+    assert twice["parameter"].values.tolist() == names
+    np.testing.assert_array_equal(twice.values, once.values[:, [0, 1, 0]])
+    frame = once.to_dataframe()
+    assert frame["derivative"].tolist() == once.values.ravel().tolist()
+    assert once["steps_per_beat"].values.tolist() == [400, 400]

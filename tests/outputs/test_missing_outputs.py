@@ -15,7 +15,8 @@ LACKING = [
     ("ecmo.a.PF", r"needs \[ecmo\.a\]"),
     ("SaO2", r"needs \[gas\]"),
     ("reflex_use", r"needs \[regulation\] baroreflex"),
-    ("MPA", r"'MPA' is not an output; allowed: .*did you mean MPAP"),
+    ("MPA", r"'MPA' is not an output; did you mean MPAP\?; `eclsim outputs` lists all$"),
+    ("crrt_recirculated_flow", "'crrt_recirculated_flow' is computed by simulate only"),
 ]
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from eclsim.cases.fluid import remarks_on_viscosity
 from eclsim.cases.reading import read_mapping
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.outputs.ranges import allowed_range, out_of_range
-from eclsim.simulation.single import simulate, simulate_many
+from eclsim.simulation.single import derivatives, simulate, simulate_many
 
 RAW = {
     "format": 1,
@@ -112,3 +112,26 @@ def test_haemoglobin_alone_leaves_the_viscosity_and_that_is_said():
     assert "not its viscosity" in "".join(alone.attrs["warnings"])
     assert remarks_on_viscosity(["Rmc"]) == []
     assert remarks_on_viscosity(["gas.haemoglobin_g_dl", "fluid.haematocrit"]) == []
+
+
+FROM_BLOOD = {"crrt.plasma_bicarbonate_mmol_l": "24", "crrt.haematocrit_in": "0.3"}
+
+
+@pytest.mark.parametrize(("name", "usual"), FROM_BLOOD.items())
+def test_a_value_that_selects_that_of_the_blood_has_no_derivative(name, usual):
+    """The derivative was an exact 0, at a value of 0."""
+    model = model_of(read_mapping({**RAW, "crrt": CRRT}).case)
+    with pytest.raises(
+        UnknownValueError, match=f"{name} = 0 follows the patient's blood: set it, e.g. {usual},"
+    ):
+        derivatives(model, ["MAP"], ["Rmc", name])
+    assert name not in model.parameters
+    assert name in model.with_values({name: float(usual)}).parameters
+
+
+def test_a_member_at_a_value_that_selects_that_of_the_blood_says_so():
+    name = "crrt.plasma_bicarbonate_mmol_l"
+    found = simulate_many(read_mapping({**RAW, "crrt": CRRT}).case, {name: [0.0, 24.0]}, outputs=["MAP"])
+    said = f"{name} = 0 is no number to compute with: that of the blood itself is taken"
+    assert said in found.warnings.values[0].split("\n")
+    assert name not in found.warnings.values[1]

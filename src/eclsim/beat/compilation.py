@@ -42,7 +42,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.stages import Compiled, Lowered, Wrapped
 from numpy.typing import ArrayLike
 
-from eclsim.runtime import cache_folder, on_cpu  # its import sets double precision, before the first array
+from eclsim.runtime import cache_folder, on_cpu, refuse_single_precision  # before the first array
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -111,7 +111,8 @@ class StoredProgram:
         self._lock = threading.Lock()
 
     def __call__(self, *arguments: ArrayLike) -> object:
-        """Run the function."""
+        """Run the function; raises a `RuntimeError` if double precision has been turned off."""
+        refuse_single_precision()
         shapes = tuple([np.shape(a) for a in arguments])
         program = self._ready.get(shapes)
         if program is None:

@@ -106,7 +106,7 @@ def resolution_of_one(assembly: Assembly, numbers: tuple[float, ...]) -> int:
 
 
 def resolution_for_derivatives(assembly: Assembly, values: Values, parameters: Collection[str]) -> int | None:
-    """Resolution for derivatives of one patient's beat; None if the usual one will do."""
+    """Resolution for all derivatives of one patient's beat; None if the usual one will do."""
     if not include_switching_times(assembly, parameters):
         return None
     return refined_for_switching_times(int(needed_resolution(assembly, values)))
@@ -114,8 +114,12 @@ def resolution_for_derivatives(assembly: Assembly, values: Values, parameters: C
 
 def include_switching_times(assembly: Assembly, parameters: Collection[str]) -> bool:
     """Whether parameters include a switching time, so that their derivatives need a refined grid."""
-    switching = {n for c in assembly.circuit.compartments for n in c.component.switching_times()}
-    return not switching.isdisjoint(parameters)
+    return not switching_times(assembly).isdisjoint(parameters)
+
+
+def switching_times(assembly: Assembly) -> frozenset[str]:
+    """Parameters of a circuit that are phases of the beat at which something switches."""
+    return frozenset(n for c in assembly.circuit.compartments for n in c.component.switching_times())
 
 
 def refined_for_switching_times(resolution: int) -> int:

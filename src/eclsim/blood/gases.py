@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import base_excess_of, bicarbonate, ph_of
 from eclsim.blood.checks import blood_of, refuse_arguments, refuse_excess, refuse_names, refuse_results
 from eclsim.blood.types import Array, Blood, Given, Values
+from eclsim.runtime import refuse_single_precision  # its import sets double precision, before the first array
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with the functions `saturation` and `held`."""
@@ -175,6 +175,7 @@ def _checked(
     function: str, given: dict[str, Values], ph: Values | None, law: str, of: Given
 ) -> tuple[Blood, list[np.ndarray | jax.Array]]:
     """Blood, and the values of a function in the arguments' common shape, after checks of all."""
+    refuse_single_precision()
     measured = {} if ph is None else {"ph": ph}
     refuse_names(function, of, (*given, *(() if function == "gases_with_contents" else ("ph",))))
     if measured and "base_excess" in of:

@@ -7,17 +7,19 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NoReturn, TypeAlias
 
 from eclsim.arguments import Kind, article, number_of, written
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.case import Case
+from eclsim.cases.quantities import numeric_field, section_and_key
 from eclsim.cases.reading import CaseReading, as_file, read_case
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.cases.sections import AS_PUBLISHED, PATIENT_HELD, POLICY_KEY
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.own_laws import mistakes_of_own_laws
 from eclsim.devices.device import DeviceError
+from eclsim.devices.dialysed_blood import OF_PATIENT
 from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
 from eclsim.spelling import spelling_hint
 
@@ -42,9 +44,23 @@ class UnknownValueError(KeyError):
         return str(self.args[0])
 
 
+def _refuse(*_: Any, **__: Any) -> NoReturn:
+    raise TypeError("the values of a model cannot be changed; model.with_values(...) makes another model")
+
+
+class ReadOnlyValues(dict[str, float]):
+    """Numbers by name that cannot be changed, only copied."""
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[type[ReadOnlyValues], tuple[dict[str, float]]]:
+        return ReadOnlyValues, (dict(self),)
+
+
 @dataclass(frozen=True)
 class Model:
-    """A circuit with parameter values.
+    """A circuit with parameter values, which cannot be changed: `with_values` makes another model.
 
     Args:
         circuit: the circuit.
@@ -70,9 +86,9 @@ class Model:
                 f"no value for {', '.join(missing)}: the circuit of '{self.name}' needs them; "
                 "a device gives its own in `values` or `parameters`"
             )
-        if others := [n for n in names if type(self.values[n]) is not float]:
-            numbers = {n: number_of(n, self.values[n]) for n in others}
-            object.__setattr__(self, "values", {**self.values, **numbers})
+        others = {n: number_of(n, self.values[n]) for n in names if type(self.values[n]) is not float}
+        if others or not isinstance(self.values, ReadOnlyValues):
+            object.__setattr__(self, "values", ReadOnlyValues({**self.values, **others}))
         refuse_faulty_laws(self.circuit, self.values)
 
     def __repr__(self) -> str:
@@ -99,17 +115,40 @@ class Model:
         numbers = {name: number_of(name, value) for name, value in changed.items()}
         return replace(self, values={**self.values, **numbers})
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that the circuit reads and that have a number, as `derivatives` takes them.
+
+        Without those that are solved with the beat and those whose value selects that of the patient's blood:
+        `with_values` gives them a number.
+        """
+        own = OF_PATIENT.get
+        numbers = {name: self.values.get(name, math.nan) for name in self._read()}
+        return tuple(n for n, v in numbers.items() if not (math.isnan(v) or v == own(n.rpartition(".")[2])))
+
+    def _read(self) -> tuple[str, ...]:
+        """Names of all parameters that the circuit reads."""
+        names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
+        return tuple(dict.fromkeys(names))
+
     def refuse_unknown(self, parameters: Iterable[str]) -> None:
         """Raise an error, with suggested spellings, for names that are no parameters of the circuit."""
-        names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
+        names = self._read()
         for name in parameters:
             if not isinstance(name, str):
                 raise TypeError(
                     f"{written(name)} is not the name of a parameter; allowed: a name such as Rmc"
                 )
             if name not in names:
-                hint = spelling_hint(name.removeprefix("parameters."), names)
+                hint = spelling_hint(name.removeprefix("parameters."), names) or _hint_of_case(name)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
+
+
+def _hint_of_case(name: str) -> str:
+    """What to do with a number of a case that is no parameter of its circuit; empty for any other name."""
+    if numeric_field(name) is None and section_and_key(name) is None:
+        return ""
+    return f'; it is a number of the case: eclsim.read_case(path, ["{name}=..."]) changes it there'
 
 
 def refuse_faulty_laws(circuit: Circuit, values: Mapping[str, float], where: str = "") -> None:

@@ -136,7 +136,7 @@ class LinearMeasures(Measures):
 
     def slopes(self, numbers: Sequence[Dual], quantities: Sequence[Hashable]) -> np.ndarray:
         """Derivatives of measures by sums and parameters, (measures, quantities), by the chain rule."""
-        column = {quantity: k for k, quantity in enumerate(quantities)}
+        column = {quantity: k for k, quantity in enumerate(dict.fromkeys(quantities))}
         of_results: list[np.ndarray] = []
 
         def rows(numbers: Sequence[Dual]) -> np.ndarray:
@@ -151,7 +151,7 @@ class LinearMeasures(Measures):
 
         for inputs, by_given in self.applied:
             of_results.append(by_given @ rows(inputs))
-        return rows(numbers)
+        return rows(numbers)[:, [column[quantity] for quantity in quantities]]
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:
         # A sum is added also where nothing flows: if the set of sums depended on the state, the beat with
@@ -261,11 +261,16 @@ def _places(sums: Sequence[str], usual: tuple[str, ...]) -> tuple[tuple[str, ...
 
 @cached_by_devices(64)
 def usual_sums(circuit: Circuit) -> tuple[str, ...]:
-    """Signals of the sums that all outputs of a circuit and its flows that carry gases need, sorted."""
-    plain = [name for name in output_names(circuit) if _reads_waveforms_alone(name)]
+    """Signals of the sums that all outputs of a circuit and its flows that carry gases need, sorted.
+
+    The outputs that read parameters are not computed here, for which there are no values; they read means.
+    """
+    names = output_names(circuit)
+    plain = [name for name in names if _reads_waveforms_alone(name)]
+    read = dict.fromkeys(signal for name in names for signal in output(name).needs if name not in plain)
     flows = ["Q" + connection.name for connection in circuit.connections]
     carried = [flow + MEAN if has_mean(circuit, flow) else flow for flow in flows]
-    return tuple(sorted([*_sums_of(plain, circuit), *carried, *carried]))
+    return tuple(sorted([*_sums_of(plain, tuple(read), circuit), *carried, *carried]))
 
 
 def _reads_waveforms_alone(name: str) -> bool:
@@ -273,12 +278,14 @@ def _reads_waveforms_alone(name: str) -> bool:
     return not (entry.parameters or entry.all_flows or entry.in_effect)
 
 
-def _sums_of(outputs: Sequence[str], circuit: Circuit) -> list[str]:
-    """Signals of the weighted sums that outputs consist of, found with artificial waveforms."""
+def _sums_of(outputs: Sequence[str], means: Sequence[str], circuit: Circuit) -> list[str]:
+    """Signals of the weighted sums that outputs and means consist of, found with artificial waveforms."""
     phases = np.linspace(0.0, 1.0, 6)
-    signals = needed_signals(circuit, outputs)
+    signals = needed_signals(circuit, outputs, means)
     waveforms = {name: 2.0 + k + np.sin(7.0 * phases + k) for k, name in enumerate(signals)}
     measures = LinearMeasures(waveforms, phases, circuit)
     for name in outputs:
         computed(name, measures)
+    for signal in means:
+        measures.mean(signal)
     return [signal for signal, _ in measures.sums]

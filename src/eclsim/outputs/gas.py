@@ -231,6 +231,8 @@ DEFINITION = (
     "with the access line on the patient, without having passed through capillaries of the body (steady "
     "mixing)"
 )
+RECIRCULATED = ("recirculated_fraction", "recirculated_flow")
+"""Ends of the names of a device's share and flow, which only `simulate` computes."""
 
 
 Labelled = tuple[float, dict[str, str]]
@@ -270,15 +272,12 @@ def recirculation_labels() -> dict[str, dict[str, str]]:
 
 
 def _labels(names: Naming) -> dict[str, dict[str, str]]:
-    numbers = (
-        ("fraction", "1", f"recirculated share of the {names.label} flow"),
-        ("flow", "L/min", f"recirculated {names.label} flow"),
-    )
+    share, flow = f"recirculated share of the {names.label} flow", f"recirculated {names.label} flow"
     return {
-        names.output(f"{names.device.key}_recirculated_{what}"): {
+        names.output(f"{names.device.key}_{what}"): {
             "units": unit, "long_name": long_name, "definition": DEFINITION,
         }
-        for what, unit, long_name in numbers
+        for what, (unit, long_name) in zip(RECIRCULATED, (("1", share), ("L/min", flow)), strict=True)
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ results then say so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,9 @@ from eclsim.cases.quantities import numeric_field, quantity
 from eclsim.circuit.network import Circuit
 from eclsim.components.vessels import Cannula
 from eclsim.devices.cannulae import CANNULAE
-from eclsim.devices.dialysed_blood import OF_PATIENT
+from eclsim.devices.dialysed_blood import OF_PATIENT, USUAL_FLUID
 from eclsim.devices.registry import cached_by_devices
+from eclsim.orbit.model import UnknownValueError
 from eclsim.orbit.steady import Batch
 from eclsim.parameters.regulation import SOLVED_FOR
 
@@ -79,8 +80,47 @@ def allowed_range(circuit: Circuit, name: str) -> Range | None:
             if sizes:
                 return Range(min(map(min, sizes)), max(map(max, sizes)), known.unit)
     least = field.least if (field := numeric_field(name)) is not None else 0.0
-    own = OF_PATIENT.get(name.rpartition(".")[2])
+    own = OF_PATIENT.get(_key(name))
     return Range(known.minimum, known.maximum, known.unit, known.value, least, own)
+
+
+def _key(name: str) -> str:
+    """Key of a parameter in its section, as "haematocrit_in" of "crrt.haematocrit_in"."""
+    return name.rpartition(".")[2]
+
+
+def refuse_taken_from_patient(parameters: Iterable[str], values: Mapping[str, float]) -> None:
+    """Raise an error for a parameter that cannot be varied, as its value selects that of the patient's blood.
+
+    Args:
+        parameters: names of parameters of a circuit.
+        values: values of one patient by parameter.
+
+    Raises:
+        UnknownValueError: Says how to set it.
+    """
+    for name in parameters:
+        if name in values and values[name] == OF_PATIENT.get(_key(name)):
+            usual = f"e.g. {USUAL_FLUID[_key(name)]:g}, to vary it"
+            raise UnknownValueError(f"{name} = {values[name]:g} follows the patient's blood: set it, {usual}")
+
+
+def taken_from_patient(values: Mapping[str, npt.ArrayLike], count: int) -> list[list[str]]:
+    """For each of `count` members a sentence on each value that selects that of the patient's blood.
+
+    Args:
+        values: numbers, or one for each member, by parameter.
+        count: number of members.
+    """
+    taken: list[list[str]] = [[] for _ in range(count)]
+    for name, given in values.items():
+        own = OF_PATIENT.get(_key(name))
+        if own is None:
+            continue
+        sentence = f"{name} = {own:g} is no number to compute with: that of the blood itself is taken"
+        for member in np.flatnonzero(np.broadcast_to(np.asarray(given, float), (count,)) == own):
+            taken[member].append(sentence)
+    return taken
 
 
 def out_of_range(circuit: Circuit, values: Mapping[str, npt.ArrayLike], count: int) -> list[list[str]]:

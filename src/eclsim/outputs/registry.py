@@ -29,7 +29,7 @@ from eclsim.devices.registry import (
     naming_of,
     namings,
 )
-from eclsim.outputs.gas import GAS_OUTPUTS
+from eclsim.outputs.gas import GAS_OUTPUTS, RECIRCULATED
 from eclsim.outputs.regulation import REGULATED, in_effect
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.dialysed_drug import SIEVING
@@ -48,8 +48,10 @@ class UnknownOutputError(KeyError):
         name, *had = self.args
         if had and find_output(name) is not None:
             return f"'{name}' is no output of this case{unavailable(name, *had)}"
-        known = had[0] if had else all_outputs()
-        return f"'{name}' is not an output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
+        if name.endswith(RECIRCULATED):
+            return f"'{name}' is computed by simulate only"
+        hint = spelling_hint(name, had[0] if had else all_outputs())
+        return f"'{name}' is not an output{hint}{'; `eclsim outputs` lists all' if had else ''}"
 
 
 CHAMBERS = {"lv": "left ventricle", "rv": "right ventricle", "la": "left atrium", "ra": "right atrium"}

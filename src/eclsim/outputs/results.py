@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from eclsim.arguments import written
-from eclsim.beat.grid import RESOLUTIONS, PhaseGrid, resolution_for_derivatives
+from eclsim.arguments import TRACED, is_traced, is_truth_value, written
+from eclsim.beat.grid import RESOLUTIONS, PhaseGrid, refined_for_switching_times, switching_times
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
 from eclsim.cases.case import Case
@@ -40,7 +40,7 @@ from eclsim.outputs.alarms import (
 )
 from eclsim.outputs.gas import LUNG_FLOW, OF_LUNG_FLOW, of_moving_blood, recirculation
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.ranges import out_of_range
+from eclsim.outputs.ranges import out_of_range, refuse_taken_from_patient, taken_from_patient
 from eclsim.outputs.registry import computed, leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
 from eclsim.outputs.second_beat import findings_of_second_beat
@@ -157,15 +157,15 @@ def simulate_many(
         computed = list(dict.fromkeys([*outputs, LUNG_FLOW]))
     beat = steady_beat(batch, computed, waveforms=watched, options=options, start=start, execution=execution)
     member_findings = [beat.findings(k) for k in range(count)]
-    beyond = out_of_range(model.circuit, changes, count)
+    notes = out_of_range(model.circuit, changes, count), taken_from_patient(changes, count)
     read = of_moving_blood({n: beat.output(n) for n in beat.names})
     data: dict[str, Any] = {n: ("member", read[n], output_labels(n)) for n in outputs or beat.names}
     texts = {
         "status": [Status(int(status)).word for status in beat.status],
         "message": [beat.message(k) for k in range(count)],
         "warnings": [
-            "\n".join([*outside, *sentences(one)])
-            for outside, one in zip(beyond, member_findings, strict=True)
+            "\n".join([*outside, *taken, *sentences(one)])
+            for outside, taken, one in zip(*notes, member_findings, strict=True)
         ],
     }
     data |= {name: ("member", np.array(each, dtype=str)) for name, each in texts.items()}
@@ -223,8 +223,8 @@ def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
     Masked entries of an array are missing and become NaN.
 
     Raises:
-        ValueError: A change is no number, or an array with more than one dimension.
-        TypeError: The argument does not map parameters to changes.
+        TypeError: The argument does not map parameters to changes, or a change is no number.
+        ValueError: A change is too large, or an array with more than one dimension.
     """
     if not isinstance(changes, Mapping):
         table = "; of a DataFrame: frame.to_dict('list')" if isinstance(changes, pd.DataFrame) else ""
@@ -235,17 +235,21 @@ def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
 
 def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
     """Convert one change for `as_columns`."""
+    entries = given if isinstance(given, (list, tuple)) else [given]
+    if any(map(is_traced, entries)):
+        raise TypeError(f"{name}: {TRACED}")
     try:
         array = np.ma.asanyarray(given) if isinstance(given, np.ma.MaskedArray) else np.asarray(given)
         if array.dtype.kind not in "fiu" and array.size:
             mixed = array.dtype.kind == "O" and not any(isinstance(one, str) for one in array.flat)
             array = array.astype(float) if mixed else None
+    except OverflowError:
+        raise ValueError(f"{name}: a number is too large; allowed: up to 1.8e308") from None
     except (TypeError, ValueError):
         array = None
-    if array is None:
-        entries = given if isinstance(given, (list, tuple)) else [given]
-        wrong = next((one for one in entries if isinstance(one, bool) or not isinstance(one, Real)), given)
-        raise ValueError(f"{name}: {written(wrong)} is not a number or a list of numbers")
+    if array is None or any(map(is_truth_value, entries)):
+        no_number = (one for one in entries if is_truth_value(one) or not isinstance(one, Real))
+        raise TypeError(f"{name}: {written(next(no_number, given))} is not a number or a list of numbers")
     if array.ndim > 1:
         shape = " x ".join(map(str, array.shape))
         raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
@@ -279,14 +283,14 @@ def derivatives(
     """
     model = as_model(case)
     model.refuse_unknown(parameters)
+    refuse_taken_from_patient(parameters, model.values)
     watched = watched_waveforms(model.circuit)
-    if resolution is None:
-        resolution = resolution_for_derivatives(assemble(model.circuit), model.values, parameters)
-    beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
+    batch = Batch.of(model, volume_policy)
+    beat = steady_beat(batch, outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
+    levels = _resolutions(beat, parameters, refine=resolution is None)
     try:
-        result = beat.linearise(outputs, parameters)
-        values, slopes = result.values, result.slopes
+        values, slopes = _linearised(beat, outputs, parameters, levels)
     except NoDerivativesError as error:
         if throw:
             raise NoDerivativesError(error.status, error.reason, model.name, error.gases) from None
@@ -298,7 +302,29 @@ def derivatives(
         "message": message,
         "warnings": [*model.doubts, *sentences(beat.findings()), *_corners(beat, outputs)],
     }
-    return labelled_derivatives(slopes, outputs, values, parameters, model.values, about)
+    result = labelled_derivatives(slopes, outputs, values, parameters, model.values, about)
+    return result.assign_coords(steps_per_beat=("parameter", STEPS_AT_RESOLUTION_1 * levels))
+
+
+def _resolutions(beat: SteadyBeat, parameters: Sequence[str], refine: bool) -> np.ndarray:
+    """Resolution of the grid for each column of derivatives; with `refine`, finer for switching times."""
+    own = int(beat.orbits.resolution[0])
+    switching = switching_times(assemble(beat.batch.circuit)) if refine else ()
+    finer = refined_for_switching_times(own)
+    return np.array([finer if name in switching else own for name in parameters])
+
+
+def _linearised(
+    beat: SteadyBeat, outputs: Sequence[str], parameters: Sequence[str], levels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs of a beat and their slopes, each column on the grid of its resolution."""
+    slopes = np.empty((len(outputs), len(parameters)))
+    for level in np.unique(levels).tolist():
+        own = level == beat.orbits.resolution[0]
+        columns = np.flatnonzero(levels == level).tolist()
+        on_grid = beat if own else steady_beat(beat.batch, outputs, resolution=level)
+        slopes[:, columns] = on_grid.linearise(outputs, [parameters[k] for k in columns]).slopes
+    return np.array([beat.output(name)[0] for name in outputs]), slopes
 
 
 def labelled_derivatives(
@@ -328,9 +354,8 @@ def labelled_derivatives(
         "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
     }
     long_name = "d output / d parameter, in output_units per parameter_units"
-    return xr.DataArray(
-        slopes, coordinates, ("output", "parameter"), attrs={**ORIGIN, "long_name": long_name, **about}
-    )
+    attributes = {**ORIGIN, "long_name": long_name, **about}
+    return xr.DataArray(slopes, coordinates, ("output", "parameter"), "derivative", attrs=attributes)
 
 
 def _corners(beat: SteadyBeat, outputs: Sequence[str]) -> list[str]:

@@ -27,6 +27,7 @@ from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
+from eclsim.orbit.model import UnknownValueError
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, collapsed, findings, gravest_first
@@ -291,7 +292,10 @@ class SteadyBeat:
 
         Raises:
             NoDerivativesError: The member has no steady beat, or its equation is singular.
+            UnknownValueError: A parameter is itself solved for with the beat.
         """
+        if solved := [name for name in parameters if name in self.coupled]:
+            raise UnknownValueError(f"{solved[0]} is solved with the beat: give it a value to hold it")
         if not self.converged[member]:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
         gases = GasStatus(int(self.gas_status[member]))
