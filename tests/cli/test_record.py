@@ -53,7 +53,7 @@ def test_every_command_of_many_tasks_is_recognised_by_its_files():
 def test_results_without_a_record_are_those_of_the_files(tmp_path, capsys, command, files):
     for name in files:
         path = tmp_path / name.replace("*", "P01")
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     refuse_results_of_others(tmp_path, command)
     other = next(name for name in _FILES_OF if name != command)

@@ -28,7 +28,8 @@ _FILES_OF = {
     "crrt_study": [
         ("study.json", "study.nc"),
         ("cohort.json", "points.csv", "schemes.csv"),
-        ("fits", "studies"),
+        ("fits/groups",),
+        ("studies-*/inputs.json",),
     ],
     "identify": [("identification.json", "parameters.csv")],
     "reproduce": [("reproduction.json", "reproduction.csv"), ("runs/positions",), ("runs/cohort",)],
