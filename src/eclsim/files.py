@@ -82,8 +82,12 @@ def whole_file(path: Path, least_bytes: int = 0) -> Iterator[Path]:
 def write_text(text: str, destination: Path | str) -> None:
     """Write a text as UTF-8; "-" is standard output."""
     if destination == "-":
-        sys.stdout.write(text)
-        sys.stdout.flush()
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except OSError as error:
+            error.filename = "standard output"
+            raise
         return
     with whole_file(Path(destination)) as partial:
         partial.write_text(text, encoding="utf-8", newline="")

@@ -1,6 +1,7 @@
 """The command as a process: start-up, help, misspelt names, signals, closed pipes."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -128,15 +129,24 @@ def test_signals_stop_without_a_traceback(number, reading):
     assert "Traceback" not in message
 
 
+UNFLUSHED = (
+    "from eclsim.cli import application\napplication.app = lambda **_: print('text')\napplication.run([])\n"
+)
+"""A command whose text is written when it has ended."""
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
-def test_a_closed_pipe_is_no_error():
+@pytest.mark.parametrize(
+    "command", [(*ECLSIM, "parameters", "export"), (*ECLSIM, "--help"), (sys.executable, "-c", UNFLUSHED)]
+)
+def test_a_reader_that_ended_is_no_error(command):
     reader, writer = os.pipe()
     os.close(reader)
-    command = [*ECLSIM, "parameters", "export"]
-    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, env=buffered)
     os.close(writer)
-    assert "Traceback" not in done.stderr
-    assert "Exception" not in done.stderr
+    assert done.returncode == 128 + signal.SIGPIPE, "not 1, which means that something did not converge"
+    assert done.stderr == ""
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
@@ -192,4 +202,34 @@ def test_a_full_standard_output_is_named_as_such(arguments):
     with open("/dev/full", "w") as full:
         done = subprocess.run([*ECLSIM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
-    assert "standard output" in done.stderr or "cannot write" in done.stderr
+    assert done.stderr == "error: standard output: No space left on device\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file descriptors of POSIX")
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
+def test_a_closed_standard_output_is_no_error(closed):
+    """It ended in tracebacks and status 1, as if a course had ended early, with all files written."""
+    command = shlex.join([*ECLSIM, "parameters", "list"])
+    done = subprocess.run(["sh", "-c", f"{command} {closed}"], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file descriptors of POSIX")
+def test_json_for_a_closed_standard_output_is_refused(shell):
+    command = shlex.join([*ECLSIM, "simulate", shell.case(), "--json", "-"])
+    done = subprocess.run(["sh", "-c", f"{command} >&-"], stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "error: --json -: standard output is closed; give a file\n"
+
+
+def test_an_error_without_a_file_is_not_blamed_on_standard_output():
+    program = (
+        "import errno\n"
+        "from eclsim.cli import application\n"
+        "def full(**_): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        "application.app = full\n"
+        "application.run([])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "error: cannot read or write: No space left on device\n"

@@ -37,7 +37,8 @@ def test_a_course_is_written_as_table_netcdf_and_json(shell):
     assert found["time_min"] == [0.0, 2.0, 5.0, 6.0, 10.0]
     assert abs(found["balance"]["given_ml"] - 100.0) < 1e-6
     assert abs(found["balance"]["error_ml"]) < 1e-6
-    assert sorted(path.name for path in folder.iterdir()) == ["P01_course.csv", "P01_course.nc"]
+    files = {"P01_course.csv", "P01_course.nc", "command.json"}
+    assert {path.name for path in folder.iterdir()} == files
     assert "time_min [min]" in (folder / "P01_course.csv").read_text().splitlines()[0]
     again = shell.run(*arguments)
     assert (again.exit_code, "P01_course.csv already; --force overwrites" in again.stderr) == (2, True)

@@ -1,9 +1,11 @@
 """Two commands and one folder, and what an interrupted command says."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -63,6 +65,25 @@ def test_a_folder_made_for_the_lock_alone_goes_again(shell):
     assert not out.exists()
 
 
+@pytest.mark.parametrize("made", [True, False])
+def test_a_full_disk_is_named_with_its_folder_and_no_lock_stays(tmp_path, monkeypatch, capsys, made):
+    """It was called a full standard output, and an empty lock stayed."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    out = tmp_path / "out"
+    if not made:
+        out.mkdir()
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(SystemExit) as ended, locked(out):
+        pytest.fail("the command would run")
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == f"error: --out {out}: cannot be written: No space left on device\n"
+    assert out.exists() is not made
+    assert list(tmp_path.rglob("*")) == [out] * (not made)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_command_says_how_to_go_on(number):
     code = (
@@ -80,3 +101,53 @@ def test_a_command_that_ends_by_itself_says_nothing_of_going_on(capsys):
     with pytest.raises(SystemExit), explaining_resume("out"):
         raise SystemExit(1)
     assert capsys.readouterr().err == ""
+
+
+CLEANING_UP = """
+import os, sys, time
+from pathlib import Path
+from eclsim.cli import application
+from eclsim.cli.destination import explaining_resume
+from eclsim.files import whole_file
+application.SECONDS_TO_CLEAN_UP = float(sys.argv[2])
+
+def work(**_):
+    with explaining_resume('out'), whole_file(Path(sys.argv[1]) / 'result') as partial:
+        partial.write_text('half')
+        try:
+            print('running', flush=True)
+            time.sleep(60)
+        finally:
+            print('cleaning up', flush=True)
+            time.sleep(float(sys.argv[3]))
+
+application.app = work
+application.run([])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize(("kept_for", "cleans_for"), [(20.0, 0.5), (0.1, 20.0)], ids=["cleans up", "at once"])
+def test_a_second_signal_ends_the_clean_up_only_after_some_seconds(tmp_path, kept_for, cleans_for):
+    """The second broke off the clean-up: a partial file could stay, and how to go on was not said."""
+    command = [sys.executable, "-c", CLEANING_UP, str(tmp_path), str(kept_for), str(cleans_for)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "running\n"
+        process.send_signal(signal.SIGTERM)
+        if kept_for > cleans_for:
+            time.sleep(0.005)
+        else:
+            assert process.stdout.readline() == "cleaning up\n"
+            time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        _, message = process.communicate(timeout=15)
+    assert process.returncode == 128 + signal.SIGTERM
+    if kept_for > cleans_for:
+        assert message.splitlines() == [
+            "stopped by SIGTERM", "out: finished results are kept; the same command with --resume goes on"
+        ]  # fmt: skip
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert message.splitlines()[-1] == "stopped by SIGTERM again, without cleaning up"

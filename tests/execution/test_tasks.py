@@ -273,6 +273,38 @@ def test_a_stop_does_not_wait_for_what_is_running(tmp_path):
     assert files(tmp_path).keys() == {"inputs.json", "00000.json", "00001.json"}
 
 
+def test_the_time_left_goes_down_while_a_task_reports(tmp_path, monkeypatch):
+    """Details of a running task showed what was left when the last one had ended."""
+    clock = iter(float(k) for k in range(100))
+    monkeypatch.setattr("eclsim.execution.tasks.time.perf_counter", lambda: next(clock))
+    shown: list[tuple[float | None, str]] = []
+
+    def reports(number: int) -> Answer:
+        for step in range(4):
+            announce(f"step {step}")
+        return answer(number)
+
+    tasks = replace(TASKS, compute=reports, arguments=range(2))
+    complete(tmp_path, tasks, lambda state: shown.append((state.left, state.detail)), workers=1)
+    left = [left for left, detail in shown if detail.startswith("step") and left is not None]
+    assert left == sorted(left, reverse=True)
+    assert left[0] - left[-1] == 3.0
+    assert min(left) >= 0.0
+
+
+def test_more_shards_than_tasks_are_remarked_on_at_the_start(tmp_path):
+    remarks: list[str] = []
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(1, 20), remark=remarks.append)
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(20, 20), remark=remarks.append)
+    line = "roots: more shards (20) than numbers (12): 8 of the shards have nothing to do"
+    assert remarks == [f"{line}, as this one", line]
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(1, 12), remark=remarks.append)
+    assert len(remarks) == 2
+
+
 def test_resuming_with_other_inputs_names_what_differs(tmp_path):
     complete(tmp_path)
     with pytest.raises(ExecutionError, match="holds results already; --resume goes on, --force starts anew"):

@@ -6,6 +6,7 @@ import io
 import os
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,13 +20,14 @@ import typer
 from eclsim._version import __version__
 from eclsim.cli.app import app as bedside_page
 from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_parameters, outputs
-from eclsim.cli.console import fail, say
+from eclsim.cli.console import fail, open_closed_streams, say
 from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify, import_data
-from eclsim.cli.options import COMMAND, MERGE, Command, argument, as_command, option
+from eclsim.cli.options import MERGE, Command, argument, as_command, option
 from eclsim.cli.paper import demo, reproduce
 from eclsim.cli.plan import plan, settings
+from eclsim.cli.record import COMMAND
 from eclsim.cli.sensitivity import identifiability, sensitivity
 from eclsim.cli.simulate import simulate
 from eclsim.cli.track import track
@@ -57,8 +59,8 @@ def merge(options: MergeOptions) -> None:
     name, own_options = (recorded or {}).get("command"), (recorded or {}).get("options")
     if not isinstance(own_options, dict) or name not in _COMMANDS:
         reason = (
-            f"holds no shards ({COMMAND} is missing): they are merged already, not yet run, or ended before "
-            "they stored anything"
+            f"holds no shards (none are recorded in {COMMAND}): they are merged already, not yet run, or "
+            "ended before they stored anything"
         )
         fail(f"{options.folder}: {reason}; allowed: a folder filled with --shard k/n")
     shards = (recorded or {}).get("shards")
@@ -75,6 +77,11 @@ in L/min or mL/s, volumes in mL.
 """
 _SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 _STOPPED_BY = {"SIGINT": "stopped by Ctrl-C", "SIGTERM": "stopped by SIGTERM"}
+_STREAMS = {"stdout": "standard output", "stderr": "standard error"}
+_NO_READER = 128 + 13
+"""Exit status if the reader of the output ended early (`| head`): that of a process stopped by SIGPIPE."""
+SECONDS_TO_CLEAN_UP = 3.0
+"""Time after a signal in which others are ignored, so that they cannot break off the clean-up."""
 
 app = typer.Typer(
     help=_HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -159,24 +166,31 @@ def _options(
 
 def run(arguments: Sequence[str] | None = None) -> None:
     """Run a command; always ends in SystemExit, without a traceback for user errors."""
+    open_closed_streams()
     _stop_cleanly_on_signals()
     _print_any_character()
     try:
         app(args=list(arguments) if arguments is not None else None, prog_name="eclsim")
     except _StoppedError as stopped:
         # Skip the interpreter's shutdown, in which a compiler that is still running crashes.
-        _flush()
-        os._exit(stopped.status)
+        try:
+            _flush()
+        finally:
+            os._exit(stopped.status)
+    except SystemExit as ended:
+        if isinstance(ended.__context__, BrokenPipeError):  # Typer turns it into status 1
+            raise SystemExit(_NO_READER) from None
+        raise
     except BrokenPipeError:
         _redirect_to_null(sys.stdout)
-        raise SystemExit(1) from None
+        raise SystemExit(_NO_READER) from None
     except ImportError as error:
         if "pip install" not in str(error):
             raise
         fail(error)
     except OSError as error:
         _redirect_to_null(sys.stdout)
-        fail(f"{error.filename or 'standard output'}: {error.strerror or error}")
+        fail(f"{_place_of(error)}: {error.strerror or error}")
     except Exception as error:
         fault = _fault_of_own_device(error)
         if not fault:
@@ -184,6 +198,14 @@ def run(arguments: Sequence[str] | None = None) -> None:
         fail(f"--device{fault}")
     finally:
         _flush()
+
+
+def _place_of(error: OSError) -> str:
+    """File that an error of the system names; else standard output, if Typer was writing text to it."""
+    if error.filename is not None:
+        return str(error.filename)
+    innermost = traceback.extract_tb(error.__traceback__)[-1]
+    return "standard output" if innermost.name == typer.echo.__name__ else "cannot read or write"
 
 
 def _fault_of_own_device(error: Exception) -> str:
@@ -211,16 +233,26 @@ class _StoppedError(SystemExit):
 
 
 def _stop_cleanly_on_signals() -> None:
-    """Make Ctrl-C and SIGTERM unwind the stack, which removes temporary files and keeps finished ones."""
-    usual, reported, raised = sys.unraisablehook, set[int](), Event()
+    """Make Ctrl-C and SIGTERM unwind the stack, which removes temporary files and keeps finished ones.
+
+    While it unwinds, further signals are ignored for some seconds; after that, one ends the process at once.
+    """
+    usual, raised, raised_at, reported = sys.unraisablehook, Event(), 0.0, False
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if number not in reported:
-            reported.add(number)
+        nonlocal raised_at, reported
+        if raised.is_set():
+            if time.monotonic() - raised_at > SECONDS_TO_CLEAN_UP:
+                say(f"{_STOPPED_BY[signal.Signals(number).name]} again, without cleaning up")
+                os._exit(128 + number)
+            return
+        if not reported:
+            reported = True
             say(_STOPPED_BY[signal.Signals(number).name])
         while frame is not None and frame.f_code is not raise_again.__code__:
             frame = frame.f_back
         if frame is None:
+            raised_at = time.monotonic()
             raised.set()
             raise _StoppedError(number)
 
@@ -252,15 +284,17 @@ def _print_any_character() -> None:
 
 
 def _flush() -> None:
-    """Flush the standard streams; a closed reader (`| head`) is not an error, but a full disk is."""
-    for stream in (sys.stdout, sys.stderr):
+    """Flush the standard streams; exit with a status of its own if the reader ended or the disk is full."""
+    for name in _STREAMS:
+        stream = getattr(sys, name)
         try:
             stream.flush()
         except BrokenPipeError:
             _redirect_to_null(stream)
+            raise SystemExit(_NO_READER) from None
         except OSError as error:
             _redirect_to_null(stream)
-            fail(f"cannot write: {error.strerror}")
+            fail(f"{_STREAMS[name]}: {error.strerror}")
         except ValueError:
             continue
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -19,6 +20,18 @@ INCOMPLETE = 1
 BAD_INPUT = 2
 """Exit status: an error of the user or the system; nothing was computed, or nothing could be written."""
 SECONDS_BETWEEN_LINES = 10.0
+
+
+def open_closed_streams() -> None:
+    """Replace standard streams that are closed (`>&-`) by the null device, so that text may be written."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 - until the end
+
+
+def is_output_closed() -> bool:
+    """Whether standard output is closed, so that nobody can read what is written to it."""
+    return sys.stdout is None or getattr(sys.stdout, "name", None) == os.devnull
 
 
 def say(text: object) -> None:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from eclsim.cli.console import fail, refuse, say
+from eclsim.cli.console import fail, is_output_closed, refuse, say
 from eclsim.execution import ExecutionError
 from eclsim.files import LOCK, write_json
 
@@ -44,7 +44,11 @@ class Destinations:
 
     def target(self, option: str, written: str | None) -> Target:
         """Check the destination of an option: a file, "-" for standard output, or None."""
-        return written if written == STANDARD_OUTPUT else self.file(option, written)
+        if written != STANDARD_OUTPUT:
+            return self.file(option, written)
+        if is_output_closed():
+            self.mistakes.append(f"{option} -: standard output is closed; give a file")
+        return written
 
     def file(self, option: str, written: str | None, suffixes: Sequence[str] = ()) -> Path | None:
         """Check a file to be written, and return its path; None if none is given."""
@@ -175,12 +179,6 @@ def is_signal(stopped: KeyboardInterrupt | SystemExit) -> bool:
     return isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
 
 
-def holds_results(folder: str | os.PathLike[str]) -> bool:
-    """Whether a folder holds more than the locks of running commands."""
-    place = Path(folder)
-    return place.is_dir() and any(not item.name.startswith(LOCK) for item in place.iterdir())
-
-
 @contextmanager
 def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[None]:
     """Lock a folder while a command writes to it; exit with status 2 if another command has locked it.
@@ -202,8 +200,8 @@ def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[N
     except OSError as error:
         fail(f"--out {folder}: cannot be written: {error.strerror or error}")
     with file:
-        _write_holder(file)
         try:
+            _write_holder(file, folder)
             yield
         finally:
             if sys.platform != "win32":  # Windows cannot remove an open file, so it stays, unlocked
@@ -251,12 +249,15 @@ def _acquire(file: IO[str]) -> bool:
     return True
 
 
-def _write_holder(file: IO[str]) -> None:
+def _write_holder(file: IO[str], folder: Path) -> None:
     file.seek(0)
     file.truncate()
     command = " ".join(["eclsim", *sys.argv[1:2]])
-    file.write(f"process {os.getpid()} ({command}, since {time.strftime('%H:%M:%S')})")
-    file.flush()
+    holder = f"process {os.getpid()} ({command}, since {time.strftime('%H:%M:%S')})"
+    try:
+        os.write(file.fileno(), holder.encode())  # without a buffer, which could not be emptied on closing
+    except OSError as error:
+        fail(f"--out {folder}: cannot be written: {error.strerror or error}")
 
 
 def _read_holder(file: IO[str]) -> str:

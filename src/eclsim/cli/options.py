@@ -10,8 +10,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path
+from dataclasses import dataclass, field, fields
 from types import EllipsisType
 from typing import Literal, TypeVar, get_type_hints
 
@@ -19,18 +18,15 @@ import typer
 from typer import Context
 from typer.core import TyperCommand, TyperOption
 
-from eclsim.cli.console import fail, say
-from eclsim.cli.destination import holds_results, is_signal, locked
-from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
-from eclsim.execution.folder import read_inputs
-from eclsim.files import write_json
+from eclsim.cli.console import note
+from eclsim.cli.destination import locked
+from eclsim.cli.record import recorded
+from eclsim.execution import Distribution, ExecutionError, Shard
 
 Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
-MERGE, COMMAND = "merge", "command.json"
-EXECUTION_OPTIONS = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
-"""Options that do not change results; they may differ between shards."""
+MERGE = "merge"
 
 
 def option(
@@ -94,30 +90,19 @@ class Command(TyperCommand):
 def as_command(function: Callable[..., None]) -> Callable[..., None]:
     """Convert a function of an options object to one of single options, which Typer makes a command.
 
-    If the options include a folder of results, the folder is locked while the command runs.
+    If the options include a folder of results, the folder is locked while the command runs, and a command of
+    many tasks is recorded in it.
     """
     kind: type = get_type_hints(function)["options"]
     types, shown = get_type_hints(kind), {item.name: item.metadata[_SHOWN] for item in fields(kind)}
 
     def command(**written: object) -> None:
         options = kind(**written)
-        with locked(*options.locked_folder) if isinstance(options, ResultsFolder) else nullcontext():
-            if not isinstance(options, Distributed):
-                function(options)
-                return
-            options.check_other_shards()
-            try:
-                function(options)
-            except ShardDone as done:
-                say(f"{done}; when all shards are done: eclsim merge {options.locked_folder[0]}")
-            except typer.Exit:  # finished, although not everything converged
-                options.record(function.__name__)
-                raise
-            except (KeyboardInterrupt, SystemExit) as stopped:
-                if is_signal(stopped) and not options.merges:
-                    options.record(function.__name__)
-                raise
-            options.record(function.__name__)
+        with (
+            locked(*options.locked_folder) if isinstance(options, ResultsFolder) else nullcontext(),
+            recorded(options, function.__name__) if isinstance(options, Distributed) else nullcontext(),
+        ):
+            function(options)
 
     only = inspect.Parameter.KEYWORD_ONLY
     own_first = dict.fromkeys(n for ancestor in kind.__mro__ for n in inspect.get_annotations(ancestor))
@@ -241,57 +226,9 @@ class Distributed(Json, ResultsFolder):
                 return Distribution(merge=True, merged_shards=int(count) if count.isdigit() else None)
             shard = Shard.parse(self.shard) if self.shard else None
             return Distribution(
-                workers=self.workers, dask=self.dask, shard=shard, resume=self.resume, force=self.force
-            )
+                workers=self.workers, dask=self.dask, shard=shard, resume=self.resume, force=self.force,
+                remark=lambda text: note([text]),
+            )  # fmt: skip
         except ExecutionError as error:
             mistakes.append(str(error))
             return Distribution()
-
-    def record(self, command: str) -> None:
-        """Record a shard's command beside its results for `eclsim merge`, which removes the record again.
-
-        A shard that was stopped before it stored anything leaves no record.
-        """
-        folder, _ = self.locked_folder
-        if folder is None or self.shard is None or not holds_results(folder):
-            return
-        file = Path(folder) / COMMAND
-        if self.merges:
-            file.unlink(missing_ok=True)
-            return
-        self.check_other_shards()
-        shards = int(self.shard.partition("/")[2])
-        write_json({"command": command, "options": self._own_options, "shards": shards}, file)
-
-    def check_other_shards(self) -> None:
-        """Exit with status 2 if a shard in the folder had other options: no merge could finish both."""
-        folder, _ = self.locked_folder
-        file = Path(folder or "") / COMMAND
-        if folder is None or self.shard is None or self.merges or not file.exists():
-            return
-        try:
-            known = (read_inputs(file) or {}).get("options")
-        except ExecutionError as error:
-            fail(error)
-        before = known if isinstance(known, dict) else {}
-        changed = [
-            f"{name} was {before[name]!r} and is {value!r}"
-            for name, value in self._own_options.items()
-            if name in before and _without_folders(before[name]) != _without_folders(value)
-        ]
-        if changed:
-            fail(
-                f"--shard {self.shard}: a shard in {folder} was run with other options "
-                f"({'; '.join(changed)}); choose another folder, or remove {file}"
-            )
-
-    @property
-    def _own_options(self) -> dict[str, object]:
-        return {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
-
-
-def _without_folders(value: object) -> object:
-    """An option without the folders of a path, which differ between machines."""
-    if isinstance(value, list):
-        return list(map(_without_folders, value))
-    return Path(value).name if isinstance(value, str) else value

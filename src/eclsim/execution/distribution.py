@@ -99,6 +99,7 @@ class Distribution:
         resume: continue from the results in the folder.
         force: delete the results in the folder first.
         merged_shards: number of shards that a merge combines, to name those that are missing.
+        remark: called with remarks on the distribution, such as shards that have nothing to do.
     """
 
     workers: int | None = None
@@ -108,6 +109,7 @@ class Distribution:
     resume: bool = False
     force: bool = False
     merged_shards: int | None = None
+    remark: Callable[[str], object] | None = None
 
     def __post_init__(self) -> None:
         check_fields(
@@ -131,6 +133,17 @@ class Distribution:
     def numbers(self, total: int) -> range:
         """Return the numbers of the tasks to run: those of the shard, or all without one."""
         return range(total) if self.shard is None else self.shard.numbers(total)
+
+    def remark_on_shards(self, tasks: Tasks[Any, Any]) -> None:
+        """Remark on it if there are more shards than tasks."""
+        total, shard = len(tasks.arguments), self.shard
+        if self.remark is None or shard is None or shard.count <= total:
+            return
+        idle = shard.count - total
+        self.remark(
+            f"{tasks.title}: more shards ({shard.count}) than {tasks.unit} ({total}): {idle} of the shards "
+            f"{'has' if idle == 1 else 'have'} nothing to do{'' if shard.numbers(total) else ', as this one'}"
+        )
 
     @contextmanager
     def running(self, preload: Iterable[str] = ()) -> Iterator[Executor]:
@@ -195,6 +208,7 @@ class Executor:
         """Run the tasks of the shard, or all, and return results by number; arguments as in `complete`."""
         if folder is None and self.distribution.continues:
             raise ExecutionError(f"{tasks.title}: --resume, --shard and merge need a folder, --out DIR")
+        self.distribution.remark_on_shards(tasks)
         numbers = self.distribution.numbers(len(tasks.arguments))
         with nullcontext(folder) if folder else TemporaryDirectory(prefix="eclsim-") as place:
             store = TaskFolder(Path(place), tasks.inputs, format)
@@ -223,6 +237,7 @@ class Executor:
     ) -> None:
         """Run the tasks of the shard and raise `ShardDone`; do nothing if this run is not a shard."""
         if (shard := self.distribution.shard) is not None:
+            self.distribution.remark_on_shards(tasks)
             run_tasks(tasks, store, self.distribution.numbers(len(tasks.arguments)), self.run, progress)
             raise ShardDone(shard, tasks.unit, folder)
 

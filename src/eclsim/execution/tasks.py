@@ -147,7 +147,9 @@ def run_tasks(
 
     def show(detail: str = "") -> None:
         if progress is not None:
-            progress(replace(state, seconds=time.perf_counter() - started, detail=detail))
+            seconds = time.perf_counter() - started
+            left = None if state.left is None else max(state.left - (seconds - state.seconds), 0.0)
+            progress(replace(state, seconds=seconds, left=left, detail=detail))
 
     with _set(_LISTENER, show):
         results = run(tasks, missing)
@@ -156,8 +158,9 @@ def run_tasks(
             for number, result in results:
                 store.save(number, result)
                 done = state.done + 1
-                each = (time.perf_counter() - started) / (done - before)
-                state = replace(state, done=done, left=each * (len(chosen) - done))
+                seconds = time.perf_counter() - started
+                left = seconds / (done - before) * (len(chosen) - done)
+                state = replace(state, done=done, seconds=seconds, left=left)
                 show()
         finally:
             results.close()

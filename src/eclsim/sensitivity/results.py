@@ -81,7 +81,7 @@ class Indices:
         evaluations: number of model runs.
         failed: runs without a result; their rows are left out of the estimates.
         rows_used: number of rows that the estimates are based on.
-        seconds: wall clock time.
+        seconds: wall clock time [s]; None if unknown, after a merge of shards.
         warnings: warnings about the ranges, and about the beat at the base values of the inputs.
         constant: outputs that vary by no more than rounding, whose indices are zero.
         impossible: number of runs in these rows with a beat that no patient can have, with a chamber without
@@ -100,7 +100,7 @@ class Indices:
     evaluations: int
     failed: tuple[FailedRun, ...]
     rows_used: int
-    seconds: float = 0.0
+    seconds: float | None = None
     warnings: tuple[str, ...] = ()
     constant: tuple[str, ...] = ()
     impossible: int = 0
@@ -230,7 +230,7 @@ class Indices:
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
             "rows_used": self.rows_used, "rows_lost": self.rows_lost, "domain": self.domain,
-            "impossible": self.impossible, "seconds": round(self.seconds, 3),
+            "impossible": self.impossible, "seconds": self.seconds and round(self.seconds, 3),
             "inputs": {chosen.name: input_object(chosen) for chosen in self.inputs},
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
@@ -438,7 +438,7 @@ def indices_text(indices: Indices, state: str = "") -> str:
         ]  # fmt: skip
         rows.append((name, *cells, f"{total:.2f}{width}"))
     head = ("factor", *indices.outputs, "sum")
-    took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # not known after a merge of shards
+    took = "" if indices.seconds is None else f" in {indices.seconds:.0f} s"
     if indices.stored:
         took = f", {indices.stored} of them stored earlier, the others{took}" if took else ""
         took = took if indices.stored < indices.evaluations else ", all of them stored earlier"
