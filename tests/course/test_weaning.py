@@ -97,7 +97,8 @@ def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
 def with_circuits(own, *names):
     """The case with several ECMO circuits of these names and no CRRT."""
     raw = {key: section for key, section in own.as_mapping().items() if key != "crrt"}
-    kinds = {name: raw["ecmo"] | {"mode": mode} for name, mode in zip(names, ("VA", "VV"), strict=False)}
+    plain = {key: raw["ecmo"][key] for key in ("pump", "speed_rpm", "oxygenator")}
+    kinds = {name: plain | {"mode": mode} for name, mode in zip(names, ("VA", "VV"), strict=False)}
     return read_mapping(raw | {"ecmo": kinds}).case
 
 
