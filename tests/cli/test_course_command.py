@@ -18,7 +18,7 @@ from eclsim.cli.course import (
     _text,
     _unchanged_text,
 )
-from eclsim.cli.plan import _kept_text, _table
+from eclsim.cli.plan import _kept_text, _table, _weaning
 from eclsim.course.files import course_object
 from eclsim.course.weaning import WeaningStep
 from eclsim.paper.cohort import SYNTHETIC
@@ -113,6 +113,7 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         (("track", "--out", "none/track"), "--out none/track: the folder none does not exist"),
         (("simulate", "--transient", "5"), "--transient needs --out FILE.nc or --csv DIR"),
         (("plan", "--wean", "fast"), "--wean fast: allowed"),
+        (("plan", "--wean", "ecmo.a=fast"), "--wean fast: allowed"),
         (("settings", "--goal", "MAP > 60", "--json", "none/a.json"), "--json none/a.json: the folder"),
         (("sensitivity", "--until", "-1"), "--until -1: allowed"),
         (("identifiability", "--limit", "inf"), "--limit, --threshold: infinite"),
@@ -330,6 +331,15 @@ def test_weaning_says_where_goals_are_kept_with_a_pump_that_stands_still():
     ]
     words = "kept at every speed, but with alarms at 1400 rpm (last column)"
     assert _kept_text(steps, "MAP > 60") == f"\n\nMAP > 60: {words}"
+
+
+@pytest.mark.parametrize(
+    ("text", "circuit"),
+    [("3000:2000:-500", None), ("ecmo.va=3000:2000:-500", "ecmo.va"), ("ecmo.va.speed_rpm=3000,2500,2000",
+     "ecmo.va")],
+)  # fmt: skip
+def test_the_circuit_to_wean_may_be_named_before_its_speeds(text, circuit):
+    assert _weaning(text) == (circuit, [3000.0, 2500.0, 2000.0])
 
 
 def test_weaning_names_every_speed_with_an_alarm_and_marks_its_numbers():

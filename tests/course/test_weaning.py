@@ -94,8 +94,39 @@ def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
     assert steps[1].setting > steps[0].setting
 
 
-def test_weaning_of_a_named_circuit_says_what_to_write(own):
+def with_circuits(own, *names):
+    """The case with several ECMO circuits of these names and no CRRT."""
     raw = {key: section for key, section in own.as_mapping().items() if key != "crrt"}
-    named = read_mapping(raw | {"ecmo": {"a": raw["ecmo"]}}).case
-    with pytest.raises(GoalError, match=r"this case has \[ecmo\.a\]: write \[ecmo\] for the circuit to wean"):
-        plan_weaning(named, [3000.0])
+    plain = {key: raw["ecmo"][key] for key in ("pump", "speed_rpm", "oxygenator")}
+    kinds = {name: plain | {"mode": mode} for name, mode in zip(names, ("VA", "VV"), strict=False)}
+    return read_mapping(raw | {"ecmo": kinds}).case
+
+
+def test_a_single_circuit_may_have_a_name(own):
+    """It was refused with advice to write [ecmo]."""
+    named = with_circuits(own, "a")
+    (step,) = plan_weaning(named, [2500.0])
+    (plain,) = plan_weaning(own, [2500.0])
+    assert next(iter(step.outputs)) == "ecmo.a.PF"
+    assert step.outputs["ecmo.a.PF"] == pytest.approx(plain.outputs["PF"], rel=0.02)
+    assert plan_weaning(named, [2500.0], circuit="ecmo.a")[0].outputs == step.outputs
+
+
+@pytest.mark.slow
+def test_of_two_circuits_the_one_that_is_named_is_weaned(own):
+    """The advice was to write [ecmo] for the circuit to wean, which excludes named ones."""
+    both = with_circuits(own, "va", "vv")
+    fast, slow = plan_weaning(both, [3000.0, 2000.0], circuit="ecmo.va")
+    assert list(fast.outputs)[:2] == ["ecmo.va.PF", "ecmo.vv.PF"]
+    assert slow.outputs["ecmo.va.PF"] < 0.7 * fast.outputs["ecmo.va.PF"]
+    assert slow.outputs["ecmo.vv.PF"] == pytest.approx(fast.outputs["ecmo.vv.PF"], rel=0.1)
+
+
+def test_weaning_says_which_circuits_may_be_named(own):
+    both = with_circuits(own, "va", "vv")
+    with pytest.raises(
+        GoalError, match=r"which one to wean, such as --wean ecmo.va=.*allowed: ecmo.va, ecmo"
+    ):
+        plan_weaning(both, [3000.0])
+    with pytest.raises(GoalError, match=r"'ecmo.xx': not in this case; allowed: ecmo.va, ecmo.vv"):
+        plan_weaning(both, [3000.0], circuit="ecmo.xx")

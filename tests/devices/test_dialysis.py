@@ -469,3 +469,31 @@ def test_recirculation_takes_from_base_and_citrate_what_it_takes_from_clearances
     assert base["pre"][0] < 1e-9 < again
     assert kept < passed
     assert kept == pytest.approx(passed * (1.0 - again) / (1.0 - again * passed), rel=5e-3)
+
+
+def lines_of(access, back, circuits=None):
+    """Case with CRRT lines at some positions, beside the plain circuit or named ones."""
+    section = ON_ECMO | {"access_site": access, "return_site": back}
+    return read_mapping(VV | {"crrt": section, "ecmo": circuits or VV["ecmo"]}).case
+
+
+def test_a_position_may_have_the_name_of_the_plain_circuit():
+    """`ecmo.post_oxy` was accepted, and ended in an error about unknown compartments of the circuit."""
+    named = lines_of("ecmo.post_oxy", "ecmo.pre_oxy")
+    assert (named.crrt.access_site, named.crrt.return_site) == ("post_oxy", "pre_oxy")
+    assert values_of(named) == values_of(lines_of("post_oxy", "pre_oxy"))
+
+
+def test_positions_that_are_allowed_are_those_of_the_circuits_of_the_case():
+    """A plain circuit was offered as `ecmo.post_oxy`, and a further circuit that excludes it."""
+    with pytest.raises(CaseError, match=r"no \[ecmo\.va\] section") as plain:
+        lines_of("ecmo.va.post_oxy", "pre_oxy")
+    assert ", post_dc, pre_pump, post_pump, pre_oxy, post_oxy, pre_rc" in str(plain.value)
+    assert "or add" not in str(plain.value)
+    assert "ecmo.post_oxy" not in str(plain.value)
+    with pytest.raises(CaseError, match=r"no \[ecmo\] section") as named:
+        lines_of("ecmo.post_oxy", "ecmo.a.pre_oxy", {"a": VV["ecmo"]})
+    assert "ecmo.a.post_oxy" in str(named.value)
+    assert "or add" not in str(named.value)
+    with pytest.raises(CaseError, match=r"or add \[ecmo\.b\]"):
+        lines_of("ecmo.b.post_oxy", "ecmo.a.pre_oxy", {"a": VV["ecmo"]})

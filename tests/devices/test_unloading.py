@@ -189,3 +189,14 @@ def test_a_course_goes_on_through_a_renox_in_which_blood_runs_backwards_and_ends
     own = case(ecmo=ECMO, renox=renox, gas={}, solutes={}, parameters={}, events=[stop, clamp])
     result = eclsim.course_beats(own, minutes=0.7, outputs=("PF",))
     assert "a filter takes as much water from its blood as the plasma holds" in result.attrs["message"]
+
+
+def test_a_vent_beside_named_circuits_is_told_that_it_needs_one_without_a_name():
+    """It was said that the case had no [ecmo] section, although it had two."""
+    raw = {"format": 1, "patient": PATIENT, "vent": {"site": "la", "fr": 14}}
+    with pytest.raises(
+        CaseError, match="a vent needs an ECMO circuit without a name; the case has only named"
+    ):
+        read_mapping(raw | {"ecmo": {"va": ECMO, "vv": ECMO | {"mode": "VV"}}})
+    with pytest.raises(CaseError, match="but the case has no \\[ecmo\\] section"):
+        read_mapping(raw)

@@ -168,6 +168,38 @@ def test_dialysis_above_the_flow_of_its_ecmo_is_an_alarm():
     assert said({"crrt_flow": 0.2, "PF": 0.4}, VA + inside) == []
 
 
+@pytest.mark.parametrize(
+    ("access", "back", "carried", "alarm"),
+    [
+        ("ecmooxy", "ecmotudp", 0.30, True), ("ecmooxy", "ecmotudp", 0.41, False),
+        ("ecmotudp", "ecmoreturn", 0.10, False), ("ecmotuor", "ecmooxy", 0.19, True),
+    ],
+)  # fmt: skip
+def test_dialysis_is_compared_with_the_flow_that_reaches_the_patient(access, back, carried, alarm):
+    """The pump between return and access carries the CRRT flow in a circle, which hid that none arrived."""
+    outputs = {"crrt_flow": 0.2, "PF": carried}
+    assert [kind for kind, text in said(outputs, VA + crrt(access, back)) if "CRRT flow" in text] == (
+        ["alarm"] * alarm
+    )
+
+
+def test_dialysis_in_a_circle_doubts_its_clearance_on_an_ecmo_whose_returns_are_clamped():
+    """Of a clearance of 25 mL/min 2 were left, without a word."""
+    outputs = {
+        "crrt_flow": 0.18, "PF": 0.18, "first_return_flow": 0.0, "second_return_flow": 0.0,
+        "effective_clearance_urea": 2.25,
+    }  # fmt: skip
+    (only,) = (
+        one
+        for one in findings(outputs, {}, VA + crrt("ecmooxy", "ecmotudp"))
+        if one.quantity == "crrt_flow" and one.kind == "alarm"
+    )
+    assert (
+        "CRRT flow 0.18 L/min is above the 0.00 L/min that the ECMO returns to the patient" in only.sentence
+    )
+    assert "effective_clearance_urea" in only.concerns
+
+
 def test_a_collapse_names_the_device_that_drains_that_side():
     both = VA + lvad("lv", "ao")
     result = findings({}, {"Vra": (-1.0, 10.0), "Vlv": (-2.0, 10.0), "Prv": (-400.0, 9.0)}, both)

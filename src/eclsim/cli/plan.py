@@ -32,7 +32,10 @@ class PlanOptions(CaseChanges, Json):
         None, "Remove this volume [mL]: find the fastest net ultrafiltration.", "--remove-ml", minimum=1.0
     )
     wean: str | None = option(
-        None, "Wean from the pump over these speeds: FIRST:LAST:STEP or a list [rpm].", metavar="SPEEDS"
+        None,
+        "Wean from the pump over these speeds: FIRST:LAST:STEP or a list [rpm]; of several circuits, one is "
+        "named: ecmo.va=FIRST:LAST:STEP.",
+        metavar="SPEEDS",
     )
     keep: str | None = option(
         None, "Goals to keep throughout: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"
@@ -58,7 +61,7 @@ def plan(options: PlanOptions) -> None:
         "--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'":
             options.remove_ml is not None and options.keep is None,
     })  # fmt: skip
-    mistakes += mistakes_in({"--wean": lambda: options.wean is None or _speeds(options.wean)})
+    mistakes += mistakes_in({"--wean": lambda: options.wean is None or _weaning(options.wean)})
     target, reading = _read(options, mistakes)
     if reading.case.events:
         note(["the events of the case are ignored in a plan"])
@@ -108,12 +111,12 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
 def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     from eclsim.course.weaning import plan_weaning
 
-    speeds = _speeds(options.wean or "")
+    circuit, speeds = _weaning(options.wean or "")
     with Progress() as progress:
         progress(f"weaning over {len(speeds)} speeds")
-        steps = plan_weaning(reading.case, speeds, keep=options.keep, vary=options.vary)
+        steps = plan_weaning(reading.case, speeds, keep=options.keep, vary=options.vary, circuit=circuit)
     content = {
-        "id": reading.case.patient.id, "keep": options.keep, "vary": options.vary,
+        "id": reading.case.patient.id, "circuit": circuit, "keep": options.keep, "vary": options.vary,
         "steps": [step._asdict() for step in steps],
     }  # fmt: skip
     with reporting_write_errors():
@@ -121,6 +124,12 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
             typer.echo(_table(steps, options.vary) + _kept_text(steps, options.keep))
     warn(_warnings(steps, reading.case.doubts))
     return all(step.reached for step in steps)
+
+
+def _weaning(text: str) -> tuple[str | None, list[float]]:
+    """Section of the circuit to wean, if it is named, and the speeds [rpm]."""
+    named, equals, speeds = text.rpartition("=")
+    return (named.strip().removesuffix(".speed_rpm") if equals else None), _speeds(speeds)
 
 
 def _speeds(text: str) -> list[float]:

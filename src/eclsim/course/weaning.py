@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from eclsim.cases.case import Case
 from eclsim.course.timeline import case_with_settings
+from eclsim.devices.device import Naming
 from eclsim.devices.ecmo import ECMO
 from eclsim.goals.goal import Goal, GoalError, least_flow_goals, read_goals
 from eclsim.goals.result import ALARM_KINDS, broken_goals
@@ -64,6 +65,7 @@ def plan_weaning(
     keep: str | Sequence[str | Goal] | None = None,
     vary: str | None = None,
     volume_policy: str | None = None,
+    circuit: str | None = None,
 ) -> list[WeaningStep]:
     """Reduce the pump speed step by step, with the reflex of the case, and read each steady beat.
 
@@ -74,14 +76,15 @@ def plan_weaning(
         vary: setting varied to reach them, such as "drugs.noradrenaline=0..1"; the smallest value is sought.
             If None, goals are only checked at each speed.
         volume_policy: blood volume policy; None takes that of the case.
+        circuit: section of the circuit to wean, such as "ecmo.va", of a case with several; the others stay as
+            they are.
 
     Raises:
-        GoalError: Goals or settings are not possible, or the case has no ECMO.
+        GoalError: Goals or settings are not possible, or the case has no ECMO, or several and none is named.
         CaseError: The file is no case, or a speed is not allowed.
     """
     start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    if start.ecmo is None:
-        raise GoalError([_without_ecmo(start)])
+    names = _circuit_to_wean(start, circuit)
     numbers = _speeds(speeds)
     if keep is None and vary is not None:
         raise GoalError([f"vary '{vary}': needs goals to keep, such as MAP > 65; none is given"])
@@ -89,22 +92,44 @@ def plan_weaning(
         raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
         start = case_with_settings(start, {vary.partition("=")[0].strip(): 0.0}, start)
-    key = f"{ECMO.key}.speed_rpm"
+    key = f"{names.key}.speed_rpm"
     slowed = [(case_with_settings(start, {key: speed}, start), speed) for speed in numbers]
     if keep is None or vary is None:
-        return [_checked_step(at_speed, speed, keep, volume_policy) for at_speed, speed in slowed]
-    return [_searched_step(at_speed, speed, keep, vary, volume_policy) for at_speed, speed in slowed]
+        steps = [_checked_step(at_speed, speed, keep, volume_policy) for at_speed, speed in slowed]
+    else:
+        steps = [_searched_step(at_speed, speed, keep, vary, volume_policy) for at_speed, speed in slowed]
+    read = _outputs_of_weaning(start, names)
+    return [step._replace(outputs={n: step.outputs[n] for n in read if n in step.outputs}) for step in steps]
 
 
-def _without_ecmo(case: Case) -> str:
-    """Message that weaning finds no circuit without a name."""
-    named = [one.key for one in case.instances() if one.device.key == ECMO.key]
-    if not named:
-        return f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"
-    return (
-        f"weaning turns down [{ECMO.key}], and this case has [{'], ['.join(named)}]: write [{ECMO.key}] for "
-        f"the circuit to wean, or compare speeds with eclsim simulate --sweep {named[0]}.speed_rpm=..."
-    )
+def _circuits(case: Case) -> dict[str, Naming]:
+    """ECMO circuits of a case by section."""
+    return {one.key: one for one in case.instances() if one.device.key == ECMO.key}
+
+
+def _circuit_to_wean(case: Case, wanted: str | None) -> Naming:
+    """The circuit whose pump is turned down: the one that is named, or the only one."""
+    circuits = _circuits(case)
+    if not circuits:
+        raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
+    if wanted is None and len(circuits) == 1:
+        return next(iter(circuits.values()))
+    if wanted in circuits:
+        return circuits[wanted]
+    allowed, example = ", ".join(circuits), next(iter(circuits))
+    if wanted is not None:
+        raise GoalError([f"circuit to wean {wanted!r}: not in this case; allowed: {allowed}"])
+    raise GoalError([
+        f"this case has several ECMO circuits: say which one to wean, such as "
+        f"--wean {example}=3000:1500:-500; allowed: {allowed}"
+    ])  # fmt: skip
+
+
+def _outputs_of_weaning(case: Case, weaned: Naming) -> list[str]:
+    """`WEANING_OUTPUTS`, with the flow of each circuit, that of the one that is weaned first."""
+    others = [one for key, one in _circuits(case).items() if key != weaned.key]
+    flows = [one.output("PF") for one in (weaned, *others)]
+    return [*flows, *(name for name in WEANING_OUTPUTS if name != "PF")]
 
 
 def _speeds(given: Sequence[float]) -> list[float]:
@@ -133,7 +158,7 @@ def _checked_step(
     found = {str(name): entry.attrs.get("finding") for name, entry in result.items()}
     kinds = {name: kind for name, kind in found.items() if kind}
     return WeaningStep(
-        speed, None, not missed and not lost, _weaning_outputs(numbers),
+        speed, None, not missed and not lost, numbers,
         str(result.attrs["message"]) if lost else message, tuple(result.attrs["warnings"]), kinds,
         tuple(name for name in kinds if result[name].attrs["read_with_care"]),
     )  # fmt: skip
@@ -146,12 +171,7 @@ def _searched_step(
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     return WeaningStep(
-        speed, result.values[0], result.reached, _weaning_outputs(result.outputs),
+        speed, result.values[0], result.reached, dict(result.outputs),
         alarms if result.reached else result.message, result.warnings,
         marks(result.findings, result.outputs, model_of(case).values), doubted_outputs(result.findings),
     )  # fmt: skip
-
-
-def _weaning_outputs(numbers: Mapping[str, float]) -> dict[str, float]:
-    """Outputs read at the bedside."""
-    return {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}

@@ -216,7 +216,7 @@ OUTPUTS = tuple(
 LIMITS = tuple(
     Limit(
         one.name, "alarm", "below", BACKWARD_L_MIN,
-        "blood runs backwards through this cannula: narrow the other one (its clamp) or raise the speed",
+        "blood runs backwards through this cannula: narrow the other one (its clamp) or turn the pump up",
         "physics",
     )
     for one in OUTPUTS

@@ -54,6 +54,7 @@ from eclsim.devices.dialysed_blood import (
     warn_of_other_filters,
 )
 from eclsim.devices.ecmo import BEHIND_OXYGENATOR, ECMO, POSITIONS
+from eclsim.devices.ecmo_findings import returned_flow
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
@@ -176,8 +177,12 @@ def _device_of(site: str) -> str:
 
 
 def _read_site(value: object, field: Field) -> object:
-    """Read a site of the patient or a position in another device."""
-    return value if isinstance(value, str) and _device_of(value) else read_name(value, field)
+    """Read a site of the patient or a position in another device; "ecmo.post_oxy" is "post_oxy"."""
+    device = _device_of(value) if isinstance(value, str) else ""
+    if not isinstance(value, str) or not device:
+        return read_name(value, field)
+    named, _, position = value.rpartition(".")
+    return position if named == device else value
 
 
 def _site(description: str) -> Field:
@@ -464,7 +469,11 @@ def _pump_stopped(names: Naming, outputs: Mapping[str, float], values: Mapping[s
 
 
 def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """Alarm for a computed CRRT flow above the flow of the ECMO circuit from which it is drawn."""
+    """Alarm for a CRRT flow above what the ECMO circuit from which it is drawn carries to the patient.
+
+    A pump between return and access carries the CRRT flow as well, in a circle: above this limit more than
+    half of the blood in the access line came straight from the return line.
+    """
     ends = {c.name: (c.source, c.target) for c in circuit.connections}
     groups = {c.name: c.group for c in circuit.compartments}
     access, _ = ends.get(names.place("crrttuin"), ("", ""))
@@ -472,15 +481,17 @@ def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circui
     group = groups.get(str(access), "")
     if device_key(group) != "ecmo" or groups.get(str(back)) != group:
         return []
-    carried_name, drawn_name = (Naming(ECMO, group.partition(".")[2]).output("PF"), names.output("crrt_flow"))
-    drawn, carried = outputs.get(drawn_name), outputs.get(carried_name)
+    ecmo = Naming(ECMO, group.partition(".")[2])
+    drawn_name, drawn = (name := names.output("crrt_flow")), outputs.get(name)
+    carried = returned_flow(ecmo, outputs, circuit)
     if drawn is None or carried is None or drawn <= abs(carried):
         return []
     text = (
-        f"{names.label} flow {drawn:.2f} L/min is above the ECMO flow {carried:.2f} L/min: "
-        "between the CRRT lines blood runs backwards or in a circle"
+        f"{names.label} flow {drawn:.2f} L/min is above the {carried + 0.0:.2f} L/min that the {ecmo.label} "
+        "returns to the patient: between the CRRT lines blood runs backwards or in a circle"
     )
-    concerns = (drawn_name, carried_name)
+    cleared = (names.output(f"effective_clearance_{name}") for name in SOLUTES)
+    concerns = (drawn_name, ecmo.output("PF"), *(name for name in cleared if name in outputs))
     return [Finding("alarm", drawn_name, drawn, carried, text, concerns=concerns)]
 
 
@@ -493,8 +504,10 @@ def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remar
     if section in case.devices:
         return
     message = f"a position in the {device.upper()} circuit, but the case has no [{section}] section"
-    named = [f"{other}.{position}" for other in case.of("ecmo") for position in POSITIONS]
-    allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
+    circuits = [Naming(ECMO, other.partition(".")[2]) for other in case.of("ecmo")]
+    positions = [position for names in circuits for position in names.sites()]
+    adds = f", or add [{section}]" if all(bool(names.name) == ("." in section) for names in circuits) else ""
+    allowed = ", ".join((*PATIENT_SITES, *positions)) + adds
     remarks.error(key, message, shown(site), allowed)
 
 

@@ -239,6 +239,7 @@ class Finding:
         sentence: text of the finding.
         source: source of the limit.
         concerns: names of the outputs that it mentions.
+        is_cause: whether others follow from it, so that it comes first among those of its kind.
     """
 
     kind: str
@@ -248,6 +249,7 @@ class Finding:
     sentence: str
     source: str = ""
     concerns: tuple[str, ...] = ()
+    is_cause: bool = False
 
     @classmethod
     def without_limit(cls, kind: str, quantity: str, value: float, sentence: str, *concerns: str) -> Finding:

@@ -418,7 +418,8 @@ GAS_OUTPUTS = (
     ),
     Output(
         "recirculation_fraction", "recirculated share of the drained blood", "1",
-        "share of the blood of all drainage cannulae that came straight from the return, as a tracer has it",
+        "share of the blood of all drainage cannulae that came straight from the return of this circuit, "
+        "as a tracer has it",
         ("Qecmooxy",), _recirculated, parameters=(GASES,), all_flows=True, read_at="Qecmodrain",
     ),
 )  # fmt: skip
@@ -533,20 +534,20 @@ class EcmoDevice(Device[Ecmo]):
             "blood runs backwards through the ECMO circuit: clamp it", "physics",
         ),
         Limit(
-            "lowest_drainage_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",
+            "lowest_drainage_pressure", "warning", "below", SUCTION_MMHG, "suction: turn the pump down",
             "warning limit of the Cardiohelp system",
         ),
         Limit(
             "lowest_drainage_pressure", "collapse", "below", COLLAPSE_MMHG,
-            "the vessel collapses and the pump would not reach this flow: lower its speed", _ELSO,
+            "the vessel collapses and the pump would not reach this flow: turn it down", _ELSO,
         ),
         Limit(
-            "pump_inlet_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",
+            "pump_inlet_pressure", "warning", "below", SUCTION_MMHG, "suction: turn the pump down",
             "warning limit of the Cardiohelp system",
         ),
         Limit(
             "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,
-            "cavitation and haemolysis: lower the pump speed", _ELSO,
+            "cavitation and haemolysis: turn the pump down", _ELSO,
         ),
         Limit(
             "PpostO2", "warning", "below", 100.0,
@@ -768,7 +769,7 @@ class EcmoDevice(Device[Ecmo]):
         """The clamp on the return line, before which the pump holds blood."""
         if not is_clamped(names, values):
             return ""
-        return "against the clamp on its return line the pump holds blood in the circuit: lower its speed"
+        return "against the clamp on its return line the pump holds blood in the circuit: turn it down"
 
     def narrowed(self, names: Naming, values: Mapping[str, float]) -> tuple[float, str]:
         """The line whose clamp or kink leaves least of its area open."""

@@ -13,6 +13,7 @@ from eclsim.devices.ecmo_parts import (
     OXYGENATORS,
     PUMPS,
     TUBING,
+    narrowest_line_of,
 )
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed
 from eclsim.inputs.mistakes import Remarks, shown
@@ -23,6 +24,9 @@ from eclsim.units import ML_S_PER_L_MIN
 
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
+
+_CLOSED_TO_ROLLER = 0.99
+"""Closed share of a line from which a running roller pump is refused: no line holds what it would need."""
 
 # Above these, a cardiac output on V-A ECMO probably includes the pump flow.
 _LARGEST_INDEX = 5.5  # L/min/m^2
@@ -43,12 +47,27 @@ def check_section(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> 
     check_vessels(key, values, remarks)
     check_lumens(key, values, remarks)
     check_second(key, values, remarks)
-    check_speed(key, values, PUMPS, remarks)
+    line, share = narrowest_line_of(values, key == GROUP and bool(case.of("vent")))
+    check_speed(key, values, PUMPS, remarks, share >= 1.0)
+    _check_roller(values, line, share, key, remarks)
     _check_gases(values, case, key, remarks)
     single = len(case.of(GROUP)) == 1
     _check_pump_flow(values, case.measurements if single else {}, key, remarks)
     if single:
         _check_native_output(values, case, remarks)
+
+
+def _check_roller(values: Raw, line: str, share: float, key: str, remarks: Remarks) -> None:
+    """Refuse a running roller pump with a closed line, through which it would force its flow."""
+    pump = values.get("pump")
+    if not isinstance(pump, dict) or not pump["roller_l_min"] > 0.0 or share < _CLOSED_TO_ROLLER:
+        return
+    message = (
+        f"a roller pump cannot run against a closed line: it moves {pump['roller_l_min']:g} L/min whatever "
+        "pressure that takes, until the line bursts"
+    )
+    allowed = f"below {_CLOSED_TO_ROLLER:g}, or pump = {{ roller_l_min = 0 }}"
+    remarks.error(f"{key}.{line}_clamp", message, shown(values[f"{line}_clamp"]), allowed)
 
 
 def _shares_a_vein(values: Raw, case: CaseValues) -> bool:

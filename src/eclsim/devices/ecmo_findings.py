@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from eclsim.devices.cannulae import BACKWARD_L_MIN, caution_on_chart
-from eclsim.devices.description import CAUTION, Finding, organ_flow
+from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, Finding, organ_flow
 from eclsim.devices.device import Naming
-from eclsim.devices.ecmo_parts import SMALLEST_EXHAUST, is_closed
+from eclsim.devices.ecmo_parts import SMALLEST_EXHAUST, is_closed, narrowest_line
 from eclsim.devices.plausibility import ejection_fraction_findings
 from eclsim.devices.products import LABEL_FLOWS, beyond_label
 from eclsim.parameters.regulation import REGULATION
@@ -28,6 +28,24 @@ USUAL_PO2 = 60.0
 """PO2 of such blood, of which little is dissolved [mmHg]."""
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
+REACHES_NOBODY_L_MIN = 0.1
+"""Flow to the patient below which a line counts as the reason, if it is narrowed to `NARROW`."""
+NARROW = 0.9
+"""Closed share of a line from which findings name it."""
+_BEHIND_PUMP = ("ecmotupo", "ecmooxy", "ecmotuor", "ecmoreturn")
+_RUPTURES_MMHG, _VACUUM_MMHG = 5000.0, -760.0
+"""Pressures that no tubing or connector holds (a convention), and that no pump can bring about by suction."""
+_FORCE_LIMITS: Mapping[str, Mapping[str, float]] = {
+    "drainage": {"collapse": _VACUUM_MMHG, "alarm": COLLAPSE_MMHG},
+    "return": {"collapse": _RUPTURES_MMHG, "alarm": 400.0},
+}
+_PUMP_PRESSURES = {"drainage": "pump_inlet_pressure", "return": "post_pump_pressure"}
+_WHERE = {"drainage": "before the pump", "return": "behind the pump"}
+_BY_DIRECTION = (
+    "SpreO2", "PpreO2", "PpreCO2", "SpostO2", "PpostO2", "PpostCO2", "SreturnO2", "PreturnCO2",
+    "VO2_oxygenator", "VCO2_oxygenator", "recirculation_fraction",
+)  # fmt: skip
+"""Outputs whose names say in which direction blood runs."""
 _CIRCUIT_GASES = ("SpreO2", "SpostO2", "PpostO2", "PpostCO2", "PexhaustCO2", "recirculation_fraction")
 
 
@@ -35,11 +53,13 @@ def beat_findings(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
 ) -> list[Finding]:
     """Findings on flow outside the label, exhausted sweep gas, recirculation, reading of ventricles."""
+    against = [*_against_a_closed_line(names, outputs, circuit, values), *_by_force(names, outputs, values)]
     return [
-        *_outside_label(names, outputs, values),
+        *(against or _outside_label(names, outputs, values)),
+        *_backwards(names, outputs),
         *_standing_blood(names, outputs),
         *_without_exhaust_gas(names, outputs, values),
-        *_more_than_venous_return(names, outputs, circuit),
+        *_more_than_venous_return(names, outputs, circuit, values),
         *_caution_on_left_ventricle(names, outputs, circuit),
         *_caution_on_mixed_artery(names, outputs, circuit, values),
         *caution_on_chart(names, outputs, circuit),
@@ -47,12 +67,86 @@ def beat_findings(
     ]
 
 
+def returned_flow(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> float | None:
+    """Mean flow [L/min] through all return cannulae of a circuit; None if it is unknown.
+
+    A device with lines on the circuit adds or takes its flow behind the pump.
+    """
+    cannulae = [outputs.get(names.output(f"{which}_return_flow")) for which in ("first", "second")]
+    if cannulae[0] is not None and cannulae[1] is not None:
+        return cannulae[0] + cannulae[1]
+    flow = outputs.get(names.output("PF"))
+    if flow is None:
+        return None
+    from eclsim.devices.registry import namings
+
+    behind = set(map(names.place, _BEHIND_PUMP))
+    for connection in circuit.connections:
+        if connection.group == names.key or not behind & {connection.source, connection.target}:
+            continue
+        for other in namings([connection.group]):
+            through = outputs.get(other.flows()[0], 0.0) if other.device.lines else 0.0
+            flow += through * ((connection.target in behind) - (connection.source in behind))
+    return flow
+
+
+def _setting(names: Naming, values: Mapping[str, float]) -> tuple[float, str]:
+    """Speed [rpm] of a rotary pump or flow [L/min] of a roller pump, as number and with its unit."""
+    roller = values.get(names.parameter("ecmo.roller_l_min"))
+    if roller is not None:
+        return roller, f"{roller:g} L/min"
+    speed = values.get(names.parameter("ecmo.speed_rpm"), math.nan)
+    return speed, f"{speed:g} rpm"
+
+
+def _against_a_closed_line(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+) -> list[Finding]:
+    """Alarm for a running pump with a line so narrow that next to nothing reaches the patient."""
+    setting, stated = _setting(names, values)
+    (line, share), flow = narrowest_line(names, values), returned_flow(names, outputs, circuit)
+    if flow is None or not setting > 0.0 or share < NARROW:
+        return []
+    if not BACKWARD_L_MIN <= flow < REACHES_NOBODY_L_MIN:
+        return []
+    closed = (
+        f"a closed {line} line" if share >= 1.0 else f"a {line} line that is {100.0 * share:.3g} % closed"
+    )
+    reaches = "no blood reaches" if flow < -BACKWARD_L_MIN else f"only {flow:.2f} L/min reach"
+    how = "against" if line == "return" else "with"
+    text = f"the {names.label} pump runs at {stated} {how} {closed}: {reaches} the patient"
+    pressure, name = names.output(_PUMP_PRESSURES[line]), names.output("PF")
+    if pressure in outputs:
+        text += f", with {outputs[pressure]:.0f} mmHg {_WHERE[line]}"
+    return [Finding("alarm", name, flow, REACHES_NOBODY_L_MIN, text, concerns=(name,), is_cause=True)]
+
+
+def _by_force(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Finding on the pressure that a roller pump needs to move its flow through a narrowed line."""
+    setting, stated = _setting(names, values)
+    if names.parameter("ecmo.roller_l_min") not in values or not setting > 0.0:
+        return []
+    line, share = narrowest_line(names, values)
+    name = names.output(_PUMP_PRESSURES[line])
+    pressure, limits = outputs.get(name, 0.0), _FORCE_LIMITS[line]
+    beyond = [kind for kind, limit in limits.items() if abs(pressure) > abs(limit) and pressure * limit > 0.0]
+    if not share > 0.0 or not beyond:
+        return []
+    kind = beyond[0]
+    text = (
+        f"the {names.label} roller pump moves {stated} through a {line} line that is {100.0 * share:.3g} % "
+        f"closed, for which it takes {pressure:.0f} mmHg {_WHERE[line]}: lower the flow, or open the line"
+    )
+    return [Finding(kind, name, pressure, limits[kind], text, concerns=(name,), is_cause=True)]
+
+
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Warning for a flow outside the oxygenator's label; not for backward flow or a circuit clamped off."""
+    """Warning for a flow outside the oxygenator's label; not backwards, nor of a clamped circuit at rest."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
-    held = flow < low and is_closed(names, values)
+    stopped = _setting(names, values)[0] == 0.0
+    held = flow < low and stopped and is_closed(names, values)
     end = beyond_label(flow, low, high) if flow >= BACKWARD_L_MIN and not held else None
     if end is None:
         return []
@@ -60,13 +154,30 @@ def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[
         f"{names.label} flow {flow:.3g} L/min is {'below' if end == low else 'above'} {end:g} L/min: outside "
         f"the label of its oxygenator, {low:g} to {high:g} L/min"
     )
-    if values.get(names.parameter("ecmo.speed_rpm")) == 0.0:
+    if stopped:
         sentence = (
             f"the pump of the {names.label} stands still, and {max(flow, 0.0):.2f} L/min pass its "
             "oxygenator: it hardly supplies the patient, and blood that stands in it clots (not modelled): "
-            "raise the speed, or clamp it"
+            "turn it up, or clamp it"
         )
     return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
+
+
+def _backwards(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+    """Caution on samples of a circuit in which blood runs backwards."""
+    flow = outputs.get(names.output("PF"), math.nan)
+    concerns = [name for one in _BY_DIRECTION if (name := names.output(one)) in outputs]
+    if not concerns or not flow < BACKWARD_L_MIN:
+        return []
+    drained, behind, returned, share = (
+        names.output(name) for name in ("SpreO2", "SpostO2", "SreturnO2", "recirculation_fraction")
+    )
+    text = (
+        f"blood runs backwards through the {names.label} ({flow:.2f} L/min): {drained} and {behind} are of "
+        f"blood that has passed the oxygenator and flows to the drainage site with all that it took up, "
+        f"{returned} is of blood from the return site, and {share} has no meaning"
+    )
+    return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]
 
 
 def _standing_blood(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
@@ -107,25 +218,104 @@ def _without_exhaust_gas(
     return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
 
 
-def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it."""
-    flow, organs = outputs.get(name := names.output("PF")), organ_flow(outputs)
-    output = outputs.get("CO") if organs is None else organs
+def _circuits_of_its_kind(names: Naming, circuit: Circuit) -> list[Naming]:
+    """All ECMO circuits of a patient."""
+    from eclsim.devices.registry import namings
+
+    groups = (part.group for part in circuit.connections)
+    return [one for one in namings(groups) if one.device.key == names.device.key]
+
+
+def _returns_to_great_veins(names: Naming, circuit: Circuit) -> bool:
+    """Whether all cannulae of a circuit end in the great veins or the right atrium."""
     sites = [(c.source, c.target) for c in circuit.connections if c.group == names.key]
     own = {c.name for c in circuit.compartments if c.group == names.key}
     outer = {site for ends in sites for site in ends} - own
-    if flow is None or output is None or not outer or not outer <= _GREAT_VEINS:
+    return bool(outer) and outer <= _GREAT_VEINS
+
+
+def _more_than_venous_return(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+) -> list[Finding]:
+    """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it.
+
+    Of several such circuits it is said once, of all: each may drain what another returns.
+    """
+    every = _circuits_of_its_kind(names, circuit)
+    among = [one for one in every if _returns_to_great_veins(one, circuit)]
+    flows = [returned_flow(one, outputs, circuit) for one in among]
+    organs = organ_flow(outputs)
+    output = outputs.get("CO") if organs is None else organs
+    known = [flow for flow in flows if flow is not None]
+    if output is None or len(known) < len(flows) or not among or among[0].key != names.key:
         return []
-    again = flow - output
+    drained = sum(known)
+    again = drained - output
     if not again > SMALLEST_EXCESS_L_MIN:
         return []
-    text = (
-        f"the {names.label} drains {flow:.2f} L/min, but only {output:.2f} L/min come back from the "
-        f"body: at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
-        "(recirculation) and supply nobody with oxygen; lower the flow"
+    shares = again / drained, _share_by_oxygen(among, known, output, outputs, values)
+    text = _recirculation_text(among, drained, output, shares)
+    name = names.output("PF")
+    concerns = [one.output(what) for one in among for what in ("PF", "recirculation_fraction")]
+    return [Finding.without_limit(CAUTION, name, drained, text, *(one for one in concerns if one in outputs))]
+
+
+def _recirculation_text(
+    circuits: Sequence[Naming], drained: float, output: float, shares: tuple[float, float]
+) -> str:
+    """Sentence on blood that one or several circuits drain although they have just returned it.
+
+    `shares` are the least share of it in drained blood, and that by its oxygen (NaN if it is not known).
+    """
+    again = drained - output
+    if len(circuits) == 1:
+        return (
+            f"the {circuits[0].label} drains {drained:.2f} L/min, but only {output:.2f} L/min come back from "
+            f"the body: at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
+            "(recirculation) and supply nobody with oxygen; lower the flow"
+        )
+    least, by_oxygen = (100.0 * share for share in shares)
+    known = f", by its oxygen about {by_oxygen:.0f} %" if least <= by_oxygen <= 100.0 else ""
+    return (
+        f"the {' and the '.join(one.label for one in circuits)} together drain {drained:.2f} L/min, but only "
+        f"{output:.2f} L/min come back from the body: at least {again:.2f} L/min flow from the return "
+        "cannulae back to the drainage cannulae (recirculation), of the same or of another circuit, and "
+        f"supply nobody with oxygen: at least {least:.0f} % of the drained blood{known} "
+        "(recirculation_fraction of each counts only its own); lower the flows"
     )
-    concerns = (one for one in (name, names.output("recirculation_fraction")) if one in outputs)
-    return [Finding.without_limit(CAUTION, name, flow, text, *concerns)]
+
+
+def _share_by_oxygen(
+    circuits: Sequence[Naming],
+    flows: Sequence[float],
+    output: float,
+    outputs: Mapping[str, float],
+    values: Mapping[str, float],
+) -> float:
+    """Share of drained blood that has just passed an oxygenator, from contents; NaN without blood gases.
+
+    Blood of the body has the content of arterial blood less what the body takes up.
+    """
+    from eclsim.blood.standard import OXYGEN_SOLUBILITY
+    from eclsim.components.exchangers import HAEMOGLOBIN, OXYGEN_CAPACITY
+
+    bound = values.get(OXYGEN_CAPACITY, math.nan) * values.get(HAEMOGLOBIN, math.nan) / 100.0
+
+    def content(saturation: str, pressure: str) -> float:
+        """Oxygen [mL/dL]."""
+        dissolved = OXYGEN_SOLUBILITY * outputs.get(pressure, math.nan)
+        return bound * outputs.get(saturation, math.nan) + dissolved
+
+    drained, passed = (
+        sum(
+            flow * content(one.output(f"S{where}O2"), one.output(f"P{where}O2"))
+            for one, flow in zip(circuits, flows, strict=True)
+        )
+        / sum(flows)
+        for where in ("pre", "post")
+    )
+    venous = content("SaO2", "PaO2") - outputs.get("VO2", math.nan) / (10.0 * output)
+    return (drained - venous) / (passed - venous)
 
 
 def _caution_on_left_ventricle(
@@ -148,11 +338,13 @@ def _caution_on_mixed_artery(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
 ) -> list[Finding]:
     """Caution that desaturated blood of the heart is not seen where the pump's blood mixes with all of it."""
-    back = {c.target for c in circuit.connections if c.name == names.place("ecmoreturn")}
     divided = any(c.name == "upper" for c in circuit.compartments)
-    if "SaO2" not in outputs or not back & ({"ao", "arch"} if divided else set(ARTERIAL_SITES)):
+    mixed_in = {"ao", "arch"} if divided else set(ARTERIAL_SITES)
+    every = _circuits_of_its_kind(names, circuit)
+    flows = {one: flow for one in every if (flow := _flow_into(mixed_in, one, outputs, circuit)) > 0.0}
+    if "SaO2" not in outputs or names.key not in [one.key for one in flows][:1]:
         return []
-    lungs = _saturation_of_the_heart(names, outputs, values)
+    lungs = _saturation_of_the_heart(flows, outputs, values)
     if not lungs < DESATURATED_PERCENT:
         return []
     place = (
@@ -170,24 +362,40 @@ def _caution_on_mixed_artery(
     return [Finding.without_limit(CAUTION, "SaO2", outputs["SaO2"], text, *concerns)]
 
 
-def _saturation_of_the_heart(
-    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+def _flow_into(
+    sites: Collection[str], names: Naming, outputs: Mapping[str, float], circuit: Circuit
 ) -> float:
-    """Saturation [%] of the blood that the heart ejects, from the oxygen of its mixture with the pump's.
+    """Flow [L/min] through the return cannulae of a circuit that end in some sites."""
+    into = {c.name: c.target in sites for c in circuit.connections}
+    first, second = (outputs.get(names.output(f"{which}_return_flow")) for which in ("first", "second"))
+    if first is None or second is None:
+        first, second = returned_flow(names, outputs, circuit) or 0.0, 0.0
+    return sum(
+        flow
+        for flow, cannula in ((first, "ecmoreturn"), (second, "ecmoreturn2"))
+        if into.get(names.place(cannula), False)
+    )
 
-    NaN if the heart ejects next to nothing, or gases are not known.
+
+def _saturation_of_the_heart(
+    flows: Mapping[Naming, float], outputs: Mapping[str, float], values: Mapping[str, float]
+) -> float:
+    """Saturation [%] of the blood that the heart ejects, from that of its mixture with the pumps' blood.
+
+    NaN if the heart ejects next to nothing, or gases are not known. `flows` [L/min] are of each circuit.
     """
     from eclsim.blood.standard import OXYGEN_SOLUBILITY
     from eclsim.components.exchangers import HAEMOGLOBIN, OXYGEN_CAPACITY
 
-    own = [names.output(name) for name in ("SreturnO2", "PpostO2", "PF")]
-    known = [outputs.get(name, math.nan) for name in ("SaO2", "PaO2", *own, "LVO")]
-    mixed, mixed_po2, pumped, pumped_po2, flow, ejected = known
+    mixed, mixed_po2, ejected = (outputs.get(name, math.nan) for name in ("SaO2", "PaO2", "LVO"))
     if not ejected > LEAST_EJECTED_L_MIN:
         return math.nan
     dissolved = 100.0 * OXYGEN_SOLUBILITY / (values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN])
-    excess = pumped - mixed + dissolved * (pumped_po2 - mixed_po2)
-    return mixed + dissolved * (mixed_po2 - USUAL_PO2) - flow * excess / ejected
+    surplus = 0.0
+    for names, flow in flows.items():
+        pumped, po2 = (outputs.get(names.output(name), math.nan) for name in ("SreturnO2", "PpostO2"))
+        surplus += flow * (pumped - mixed + dissolved * (po2 - mixed_po2))
+    return mixed + dissolved * (mixed_po2 - USUAL_PO2) - surplus / ejected
 
 
 def _reason_for_left_ventricle(circuit: Circuit) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from eclsim.devices.device import Naming
 from eclsim.devices.products import UNVALIDATED, Membrane, Oxygenator, PumpCurve, by_key
@@ -135,7 +136,8 @@ SMALLEST_EXHAUST = 1.0
 """Flow of exhaust gas of an oxygenator [mL/min STPD] below which its partial pressures are not computed."""
 
 RETURN_CLAMP = "return_clamp"
-CLAMPS = (RETURN_CLAMP, "drainage_clamp")
+DRAINAGE_CLAMP = "drainage_clamp"
+CLAMPS = (RETURN_CLAMP, DRAINAGE_CLAMP)
 """Keys of the clamps on the return line and on the drainage line."""
 
 
@@ -144,6 +146,30 @@ def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
     return values.get(names.parameter(f"ecmo.{RETURN_CLAMP}"), 0.0) > 0.0
 
 
+def narrowest_line_of(settings: Mapping[str, Any], vented: bool) -> tuple[str, float]:
+    """The line of a circuit, "drainage" or "return", that is closed most, and its closed share.
+
+    Of two cannulae of a line, the wider one counts; a second drainage cannula and a vent have no clamp.
+
+    Args:
+        settings: clamps and sizes of second cannulae, by the keys of the section.
+        vented: whether a vent drains into the circuit.
+    """
+    drainage, back = (settings.get(clamp) or 0.0 for clamp in (DRAINAGE_CLAMP, RETURN_CLAMP))
+    if vented or settings.get("second_drainage_fr") is not None:
+        drainage = 0.0
+    if settings.get("second_return_fr") is not None:
+        back = min(back, settings.get("second_return_clamp") or 0.0)
+    return ("return", back) if back >= drainage else ("drainage", drainage)
+
+
+def narrowest_line(names: Naming, values: Mapping[str, float]) -> tuple[str, float]:
+    """As `narrowest_line_of`, from the parameters of a circuit."""
+    keys = (*CLAMPS, "second_drainage_fr", "second_return_fr", "second_return_clamp")
+    settings = {key: values.get(names.parameter(f"{GROUP}.{key}")) for key in keys}
+    return narrowest_line_of(settings, not names.name and "vent.fr" in values)
+
+
 def is_closed(names: Naming, values: Mapping[str, float]) -> bool:
-    """Whether a line of a circuit is clamped off, so that its blood is meant to stand still."""
-    return any(values.get(names.parameter(f"ecmo.{clamp}"), 0.0) >= 1.0 for clamp in CLAMPS)
+    """Whether drainage or return of a circuit is clamped off, so that its blood stands still."""
+    return narrowest_line(names, values)[1] >= 1.0

@@ -11,7 +11,7 @@ from eclsim.devices.device import Naming
 from eclsim.devices.products import CannulaType, PumpCurve
 from eclsim.inputs.fields import Field, one_of
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import is_number, suspected_unit
+from eclsim.inputs.numbers import suspected_unit
 from eclsim.inputs.sections import Raw
 from eclsim.patient.sites import AFTER_LUNGS, ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 
@@ -65,8 +65,18 @@ def pumps_back(taken_from: str | None, given_to: str | None) -> bool:
     return _PLACES.get(given_to or "", math.inf) < _PLACES.get(taken_from or "", -math.inf)
 
 
-def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: Remarks) -> None:
-    """Compare the `speed_rpm` of a section with the usual speeds of its `pump`."""
+def check_speed(
+    key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: Remarks, is_closed: bool = False
+) -> None:
+    """Compare the `speed_rpm` of a section with the usual speeds of its `pump`.
+
+    Args:
+        key: key of the section.
+        values: values of the section.
+        pumps: rotary pumps by name.
+        remarks: collects mistakes and warnings.
+        is_closed: whether a line is clamped off, so that a pump may stand still.
+    """
     name, speed = values.get("pump"), values.get("speed_rpm")
     if not isinstance(name, str) or speed is None:
         return
@@ -75,11 +85,10 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
     if speed > high * SPEED_LIMIT:
         remarks.error(f"{key}.speed_rpm", f"far above the speed of a {name}", shown(speed), span)
     elif speed == 0:
-        closed = any(v >= 1.0 for k, v in values.items() if k.endswith("_clamp") and is_number(v))
         venous = {values.get("drainage_site"), values.get("return_site")} <= set(VENOUS_SITES)
         what = "hardly any blood flows through it" if venous else "blood flows back through it"
         message = f"the pump stands still in an open circuit: {what}"
-        if not closed:
+        if not is_closed:
             remarks.warning(f"{key}.speed_rpm", message, "0")
     elif not low <= speed <= high:
         message = f"outside the usual speed of a {name}, {span}"

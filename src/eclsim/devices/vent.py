@@ -61,8 +61,8 @@ class VentDevice(Device[Vent]):
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
         Limit(
             _BESIDE_VENT.name, "alarm", "below", BACKWARD_L_MIN,
-            "blood of the vent runs through the drainage cannula into the patient: raise the speed or take a "
-            "smaller vent", "physics", without=("first_drainage_flow",),
+            "blood of the vent runs through the drainage cannula into the patient: turn the pump up or take "
+            "a smaller vent", "physics", without=("first_drainage_flow",),
         ),
     )  # fmt: skip
 
@@ -87,6 +87,8 @@ class VentDevice(Device[Vent]):
         """Check that there is the ECMO circuit into which it drains."""
         if "ecmo" not in case.devices:
             message = "drains into the ECMO circuit, but the case has no [ecmo] section"
+            other = "a vent needs an ECMO circuit without a name; the case has only named ones"
+            message = other if case.of("ecmo") else message
             remarks.error(key, message, allowed="one [ecmo] section beside it")
 
     def findings(

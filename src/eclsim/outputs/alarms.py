@@ -89,8 +89,8 @@ def findings(
 
 
 def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
-    """Sort findings by severity."""
-    return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
+    """Sort findings by severity, causes of others first among those of a kind."""
+    return sorted(findings, key=lambda finding: (KINDS.index(finding.kind), not finding.is_cause))
 
 
 def sentences(findings: Iterable[Finding]) -> list[str]:
