@@ -426,3 +426,19 @@ def test_two_veno_venous_circuits_drain_together_more_than_comes_back():
     assert share == pytest.approx(100.0 * drained / (drained + output), abs=2.0)
     for name in ("ecmo.a.PF", "ecmo.b.PF", "ecmo.b.recirculation_fraction"):
         assert beat[name].attrs["read_with_care"] == 1
+
+
+def test_veno_venous_ecmo_of_a_heart_that_stands_is_judged_without_a_share_by_oxygen():
+    """The share by oxygen was divided by the output of the heart."""
+    outputs = {
+        "PF": 4.0,
+        "CO": 0.0,
+        "VO2": 200.0,
+        "SaO2": 90.0,
+        "PaO2": 60.0,
+        "SpreO2": 90.0,
+        "SpostO2": 100.0,
+    }
+    circuit = circulation() + ecmo("ra", "svn")
+    text = next(f.sentence for f in findings(outputs, {}, circuit) if "come back from the body" in f.sentence)
+    assert "only 0.00 L/min come back" in text

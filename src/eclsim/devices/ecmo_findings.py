@@ -314,8 +314,9 @@ def _share_by_oxygen(
         / sum(flows)
         for where in ("pre", "post")
     )
-    venous = content("SaO2", "PaO2") - outputs.get("VO2", math.nan) / (10.0 * output)
-    return (drained - venous) / (passed - venous)
+    taken_up = outputs.get("VO2", math.nan) / (10.0 * output) if output > 0.0 else math.nan
+    venous = content("SaO2", "PaO2") - taken_up
+    return (drained - venous) / (passed - venous) if passed > venous else math.nan
 
 
 def _caution_on_left_ventricle(
