@@ -399,6 +399,17 @@ def test_only_the_flow_that_ends_in_arteries_mixes_with_the_blood_of_the_heart(e
 
 
 @pytest.mark.slow
+def test_blood_that_an_lvad_carries_is_blood_of_the_heart():
+    """Only that through the valve counted: 0.4 of 2.9 L/min, and a saturation of 0 %."""
+    pump = {"pump": "HM3", "speed_rpm": 4500, "inlet_site": "lv", "outlet_site": "ao"}
+    beat = eclsim.simulate(read_mapping({**BAD_LUNGS, "lvad": pump}).case)
+    (text,) = (one for one in beat.attrs["warnings"] if "differential hypoxaemia" in one)
+    assert "first get what the heart and the LVAD eject" in text
+    named = float(text.split("of about ")[1].split(" %")[0])
+    assert named == pytest.approx(beat["Ppvn"].attrs["SO2"], abs=1.5)
+
+
+@pytest.mark.slow
 def test_blood_of_two_circuits_is_taken_out_of_the_mixture_once():
     pump = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "mode": "VA"}
     both = {"a": pump | {"speed_rpm": 2500}, "b": pump | {"speed_rpm": 2200}}

@@ -345,7 +345,11 @@ def _caution_on_mixed_artery(
     flows = {one: flow for one in every if (flow := _flow_into(mixed_in, one, outputs, circuit)) > 0.0}
     if "SaO2" not in outputs or names.key not in [one.key for one in flows][:1]:
         return []
-    lungs = _saturation_of_the_heart(flows, outputs, values)
+    from eclsim.devices.registry import assist_flows
+
+    assisting = {label: max(flow, 0.0) for label, flow in assist_flows(outputs, circuit).items()}
+    ejected = outputs.get("LVO", math.nan) + sum(assisting.values())
+    lungs = _saturation_of_the_heart(flows, ejected, outputs, values)
     if not lungs < DESATURATED_PERCENT:
         return []
     place = (
@@ -356,8 +360,9 @@ def _caution_on_mixed_artery(
     ways = ("" if divided else "[physiology] regional = true and ") + 'ecmo.return_site = "lower"'
     text = (
         f"{place}: SaO2 {outputs['SaO2']:.0f} % is not that of a patient with femoral return, whose heart, "
-        f"brain and right hand first get what the heart ejects, {outputs['LVO']:.1f} L/min of about "
-        f"{max(lungs, 0.0):.0f} % (differential hypoxaemia); {ways} shows it"
+        f"brain and right hand first get what the {' and the '.join(('heart', *assisting))} "
+        f"{'eject' if assisting else 'ejects'}, {ejected:.1f} L/min of about {max(lungs, 0.0):.0f} % "
+        f"(differential hypoxaemia); {ways} shows it"
     )
     concerns = [name for name in ("SaO2", "PaO2", "SaO2_lower", "PaO2_lower") if name in outputs]
     return [Finding.without_limit(CAUTION, "SaO2", outputs["SaO2"], text, *concerns)]
@@ -379,16 +384,25 @@ def _flow_into(
 
 
 def _saturation_of_the_heart(
-    flows: Mapping[Naming, float], outputs: Mapping[str, float], values: Mapping[str, float]
+    flows: Mapping[Naming, float],
+    ejected: float,
+    outputs: Mapping[str, float],
+    values: Mapping[str, float],
 ) -> float:
-    """Saturation [%] of the blood that the heart ejects, from that of its mixture with the pumps' blood.
+    """Saturation [%] of the left heart's blood, from that of its mixture with the blood of ECMO pumps.
 
-    NaN if the heart ejects next to nothing, or gases are not known. `flows` [L/min] are of each circuit.
+    NaN if next to nothing is ejected, or gases are not known.
+
+    Args:
+        flows: flow of each circuit into the mixture [L/min].
+        ejected: flow out of the left heart, through its valve or an assist device [L/min].
+        outputs: outputs of the beat.
+        values: values of the parameters.
     """
     from eclsim.blood.standard import OXYGEN_SOLUBILITY
     from eclsim.components.exchangers import HAEMOGLOBIN, OXYGEN_CAPACITY
 
-    mixed, mixed_po2, ejected = (outputs.get(name, math.nan) for name in ("SaO2", "PaO2", "LVO"))
+    mixed, mixed_po2 = (outputs.get(name, math.nan) for name in ("SaO2", "PaO2"))
     if not ejected > LEAST_EJECTED_L_MIN:
         return math.nan
     dissolved = 100.0 * OXYGEN_SOLUBILITY / (values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN])
