@@ -177,7 +177,9 @@ def test_the_page_follows_the_minutes_of_a_course():
         "png",
     }
     (written,) = (file for file in files.namelist() if file.endswith(".toml"))
-    assert b"--until 360 --steady-only" in files.read(written).splitlines()[0]
+    about, command, *_ = files.read(written).splitlines()
+    assert about == b"# Simulated with the parameters in the case."
+    assert b"--until 360 --steady-only" in command
     (plain,) = (file for file in files.namelist() if file.endswith(".json"))
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
 
