@@ -1,18 +1,22 @@
 import math
+import tomllib
 
 import numpy as np
 import pytest
 
+from eclsim.cases.reading import read_mapping
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, standard_uncertainties
 from eclsim.sensitivity.identifiability import (
     ScaledSensitivities,
     _in_words,
     all_subsets,
     fisher_information,
+    identifiability,
     propose,
     relative_errors,
 )
 from eclsim.sensitivity.inputs import InputError, read_uncertainties, uncertainties_of
+from small_patient import ON_ECMO
 
 
 def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:
@@ -187,3 +191,9 @@ def test_a_plain_number_as_uncertainty_says_what_to_write():
 def test_large_percentages_are_written_without_a_power_of_ten():
     """It read: a least standard error of 1.22e+04 %."""
     assert _in_words("Rmc", 121.7) == "12200 %"
+
+
+def test_a_parameter_that_follows_the_patients_blood_is_refused_with_what_to_set():
+    case = read_mapping(tomllib.loads(ON_ECMO + "dialysate_ml_h = 1500\n[gas]\n")).case
+    with pytest.raises(InputError, match="haematocrit_in = 0 follows the patient's blood: set it"):
+        identifiability(case, parameters=["Rmc", "crrt.haematocrit_in"])

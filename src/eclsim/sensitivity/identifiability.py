@@ -19,7 +19,15 @@ from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
 from eclsim.files import ORIGIN
 from eclsim.inputs.mistakes import as_names
-from eclsim.orbit.model import CASE, CaseSource, VolumePolicy, as_case, case_json, model_of
+from eclsim.orbit.model import (
+    CASE,
+    CaseSource,
+    UnknownValueError,
+    VolumePolicy,
+    as_case,
+    case_json,
+    model_of,
+)
 from eclsim.outputs.results import beat_warnings, derivatives
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, standard_uncertainties
@@ -458,7 +466,10 @@ def identifiability(
     names, measured = tuple(dict.fromkeys(given)), tuple(dict.fromkeys(asked))
     _check_names(names, measured, model)
     chosen = uncertainties_of(measured, uncertainties or {})
-    slopes = derivatives(model, measured, names, volume_policy)
+    try:
+        slopes = derivatives(model, measured, names, volume_policy)
+    except UnknownValueError as error:
+        raise InputError([str(error)]) from None
     simulated = dict(zip(measured, np.asarray(slopes["value"]).tolist(), strict=True))
     values = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
     errors = standard_uncertainties({**simulated, **values}, chosen)
