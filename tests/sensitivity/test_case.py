@@ -118,6 +118,12 @@ def test_a_negative_value_is_varied_like_any_other(case, value, message):
         varied_inputs(case, base, ("P0svn",))
 
 
+def test_a_parameter_that_is_solved_with_the_beat_is_not_varied(case):
+    """Its perturbation reached "nan to nan"."""
+    with pytest.raises(InputError, match="Rmc: is solved with the beat; give it a value in the case"):
+        varied_inputs(case, {"Rmc": math.nan}, ("Rmc",))
+
+
 @pytest.mark.slow
 def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
     from eclsim.orbit.model import model_of

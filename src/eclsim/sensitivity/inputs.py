@@ -351,7 +351,9 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
         if not isinstance(chosen, Continuous):
             continue
         allowed = _allowed_range(chosen.name, case)
-        if chosen.low >= chosen.high:
+        if np.isnan(chosen.low):
+            wrong.append(f"{chosen.name}: is solved with the beat; give it a value in the case, to vary it")
+        elif chosen.low >= chosen.high:
             wrong.append(
                 f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it"
                 + follows_blood_hint(chosen.name)
