@@ -364,25 +364,30 @@ def _result(
     name: str, case: Case, objective: Objective, number: int, box: Box, optimum: Optimum,
     settings: FitSettings,
 ) -> FitResult:  # fmt: skip
-    target = objective.targets[number]
-    known = measurement_errors(target.measured, settings.uncertainties)
-    if not optimum.exists:
-        nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
-        return FitResult(
-            name=name,
-            case=case,
-            measured=target.measured,
-            simulated={},
-            parameters=dict.fromkeys(box.names, nothing),
-            correlation=np.full((len(box.names),) * 2, np.nan),
-            objective=objective,
-            box=box,
-            optimum=optimum,
-            number=number,
-            uncertainties=known,
-            settings=settings,
-            verdict=FitVerdict(None, tuple(search(optimum.status))),
-        )
+    measured = objective.targets[number].measured
+    nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
+    result = FitResult(
+        name=name,
+        case=case,
+        measured=measured,
+        simulated={},
+        parameters=dict.fromkeys(box.names, nothing),
+        correlation=np.full((len(box.names),) * 2, np.nan),
+        objective=objective,
+        box=box,
+        optimum=optimum,
+        number=number,
+        uncertainties=measurement_errors(measured, settings.uncertainties),
+        settings=settings,
+        verdict=FitVerdict(None, tuple(search(optimum.status))),
+    )
+    return _with_estimates(result) if optimum.exists else result
+
+
+def _with_estimates(fit: FitResult) -> FitResult:
+    """Return a fit with values, intervals and verdict at its optimum."""
+    objective, box, optimum, settings = fit.objective, fit.box, fit.optimum, fit.settings
+    number, target, known = fit.number, objective.targets[fit.number], fit.uncertainties
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
@@ -400,8 +405,8 @@ def _result(
     parameters = fitted_parameters(optimum, box, scaled, errors_of_fit, gains, ends)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
-    set_points = {n: target.model.values[n] for n in case.open_set_points}
-    changed = with_values(case, {**fixed, **fitted, **set_points})
+    set_points = {n: target.model.values[n] for n in fit.case.open_set_points}
+    changed = with_values(fit.case, {**fixed, **fitted, **set_points})
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights),
@@ -412,21 +417,15 @@ def _result(
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
         *doubts_of_bounds(parameters, gains), *informative_but_fixed(goodness, box.names),
         *set_points_not_given(set_points),
-        *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
+        *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s)
+          for s in remarks_on_unfitted(fit.case, target.measured)),
     ]  # fmt: skip
-    return FitResult(
-        name=name,
+    return replace(
+        fit,
         case=changed,
-        measured=target.measured,
         simulated=simulated,
         parameters=parameters,
         correlation=correlation(spread),
-        objective=objective,
-        box=box,
-        optimum=optimum,
-        number=number,
-        uncertainties=known,
-        settings=settings,
         verdict=FitVerdict(goodness, ()).with_reasons(reasons),
         intervals=output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
     )
