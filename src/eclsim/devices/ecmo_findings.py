@@ -253,28 +253,31 @@ def _more_than_venous_return(
     again = drained - output
     if not again > SMALLEST_EXCESS_L_MIN:
         return []
-    shares = again / drained, _share_by_oxygen(among, known, output, outputs, values)
-    text = _recirculation_text(among, drained, output, shares)
+    if len(among) == 1:
+        text = _recirculation_text(names, drained, output)
+    else:
+        share = _share_by_oxygen(among, known, output, outputs, values)
+        text = _recirculation_text_of_several(among, drained, output, share)
     name = names.output("PF")
     concerns = [one.output(what) for one in among for what in ("PF", "recirculation_fraction")]
     return [Finding.without_limit(CAUTION, name, drained, text, *(one for one in concerns if one in outputs))]
 
 
-def _recirculation_text(
-    circuits: Sequence[Naming], drained: float, output: float, shares: tuple[float, float]
-) -> str:
-    """Sentence on blood that one or several circuits drain although they have just returned it.
+def _recirculation_text(names: Naming, drained: float, output: float) -> str:
+    """Sentence on blood that a circuit drains although it has just returned it."""
+    return (
+        f"the {names.label} drains {drained:.2f} L/min, but only {output:.2f} L/min come back from "
+        f"the body: at least {drained - output:.2f} L/min flow from the return cannula back to the drainage "
+        "cannula (recirculation) and supply nobody with oxygen; lower the flow"
+    )
 
-    `shares` are the least share of it in drained blood, and that by its oxygen (NaN if it is not known).
-    """
+
+def _recirculation_text_of_several(
+    circuits: Sequence[Naming], drained: float, output: float, share_by_oxygen: float
+) -> str:
+    """The same of several circuits together; the share of it in drained blood is NaN if it is not known."""
     again = drained - output
-    if len(circuits) == 1:
-        return (
-            f"the {circuits[0].label} drains {drained:.2f} L/min, but only {output:.2f} L/min come back from "
-            f"the body: at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
-            "(recirculation) and supply nobody with oxygen; lower the flow"
-        )
-    least, by_oxygen = (100.0 * share for share in shares)
+    least, by_oxygen = 100.0 * again / drained, 100.0 * share_by_oxygen
     known = f", by its oxygen about {by_oxygen:.0f} %" if least <= by_oxygen <= 100.0 else ""
     return (
         f"the {' and the '.join(one.label for one in circuits)} together drain {drained:.2f} L/min, but only "

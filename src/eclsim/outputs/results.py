@@ -302,8 +302,8 @@ def derivatives(
         "message": message,
         "warnings": [*model.doubts, *sentences(beat.findings()), *_corners(beat, outputs)],
     }
-    result = labelled_derivatives(slopes, outputs, values, parameters, model.values, about)
-    return result.assign_coords(steps_per_beat=("parameter", STEPS_AT_RESOLUTION_1 * levels))
+    steps = STEPS_AT_RESOLUTION_1 * levels
+    return labelled_derivatives(slopes, outputs, values, parameters, model.values, steps, about)
 
 
 def _resolutions(beat: SteadyBeat, parameters: Sequence[str], refine: bool) -> np.ndarray:
@@ -333,6 +333,7 @@ def labelled_derivatives(
     output_values: np.ndarray,
     parameters: Sequence[str],
     values: Mapping[str, float],
+    steps_per_beat: np.ndarray,
     about: Mapping[str, Any],
 ) -> xr.DataArray:
     """Label derivatives with names, values and units of what was derived and by what.
@@ -343,6 +344,7 @@ def labelled_derivatives(
         output_values: their values, shape (outputs,).
         parameters: names of the parameters.
         values: values of the parameters by name.
+        steps_per_beat: steps of the grid of each column, shape (parameters,); 0 where there was no beat.
         about: further attributes, such as the status.
     """
     coordinates = {
@@ -352,6 +354,7 @@ def labelled_derivatives(
         "output_units": ("output", [output(name).unit for name in outputs]),
         "parameter_value": ("parameter", [values[name] for name in parameters]),
         "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
+        "steps_per_beat": ("parameter", steps_per_beat),
     }
     long_name = "d output / d parameter, in output_units per parameter_units"
     attributes = {**ORIGIN, "long_name": long_name, **about}

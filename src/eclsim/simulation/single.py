@@ -230,9 +230,8 @@ def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Se
         "message": solved.reasons[0],
         "warnings": list(solved.case.doubts),
     }
-    nothing = np.full((len(outputs), len(parameters)), np.nan)
-    table = results.labelled_derivatives(nothing, outputs, nothing[:, 0], parameters, values, about)
-    return table.assign_coords(steps_per_beat=("parameter", np.zeros(len(parameters), dtype=int)))
+    nothing, no_steps = np.full((len(outputs), len(parameters)), np.nan), np.zeros(len(parameters), dtype=int)
+    return results.labelled_derivatives(nothing, outputs, nothing[:, 0], parameters, values, no_steps, about)
 
 
 def _beat(
