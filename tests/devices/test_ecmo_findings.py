@@ -399,6 +399,14 @@ def test_only_the_flow_that_ends_in_arteries_mixes_with_the_blood_of_the_heart(e
 
 
 @pytest.mark.slow
+def test_a_clamped_circuit_mixes_no_blood_with_that_of_the_heart():
+    """The caution was said at an ECMO flow of 0.00 L/min, where all arterial blood is the heart's."""
+    said, beat = harlequin(circuit={"return_clamp": 1.0})
+    assert said == []
+    assert float(beat["SaO2"]) < 90.0
+
+
+@pytest.mark.slow
 def test_blood_that_an_lvad_carries_is_blood_of_the_heart():
     """Only that through the valve counted: 0.4 of 2.9 L/min, and a saturation of 0 %."""
     pump = {"pump": "HM3", "speed_rpm": 4500, "inlet_site": "lv", "outlet_site": "ao"}

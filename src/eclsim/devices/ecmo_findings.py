@@ -29,7 +29,7 @@ USUAL_PO2 = 60.0
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
 REACHES_NOBODY_L_MIN = 0.1
-"""Flow to the patient below which a line counts as the reason, if it is narrowed to `NARROW`."""
+"""Flow below which a narrowed line (`NARROW`) is the reason, and nothing is mixed with the heart's blood."""
 NARROW = 0.9
 """Closed share of a line from which findings name it."""
 _BEHIND_PUMP = ("ecmotupo", "ecmooxy", "ecmotuor", "ecmoreturn")
@@ -345,7 +345,8 @@ def _caution_on_mixed_artery(
     divided = any(c.name == "upper" for c in circuit.compartments)
     mixed_in = {"ao", "arch"} if divided else set(ARTERIAL_SITES)
     every = _circuits_of_its_kind(names, circuit)
-    flows = {one: flow for one in every if (flow := _flow_into(mixed_in, one, outputs, circuit)) > 0.0}
+    into = {one: _flow_into(mixed_in, one, outputs, circuit) for one in every}
+    flows = {one: flow for one, flow in into.items() if flow > REACHES_NOBODY_L_MIN}
     if "SaO2" not in outputs or names.key not in [one.key for one in flows][:1]:
         return []
     from eclsim.devices.registry import assist_flows
